@@ -37,8 +37,6 @@ ROOT = Path(__file__).resolve().parents[1]
 
 @dataclass(frozen=True)
 class Example(Settings):
-    """One setting of every kind."""
-
     switch: bool = setting(True, 'A switch.')
     count: int = setting(3, 'A count.', minimum=1, maximum=9)
     rate: float = setting(2.0, 'A rate.', unit='Hz', minimum=0.0)
@@ -237,7 +235,6 @@ def test_documented_example_in_the_repository_is_up_to_date() -> None:
         ('fit: {seed: 2001-99-99}', 'is not readable YAML'),
         ('fit: ' + '[' * 3000 + ']' * 3000, 'is not readable YAML'),
         ('a: &x [1]\nb: *x', 'is not readable YAML .an alias'),
-        ('fit: {seed: !!python/object:os.system {}}', 'is not readable YAML'),
         ('recording: {effort_scale: [1e308]}', r'recording\.effort_scale in .* <= 1e\+09'),
         ('recording: {effort_scale: [.inf]}', r'recording\.effort_scale in .*, not \[inf\]'),
         (

@@ -6,6 +6,7 @@ import ast
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 import re
+import tomllib
 from typing import Any
 
 from nodes import toy
@@ -94,3 +95,13 @@ def test_every_key_of_a_status_is_described(
     words = set(re.findall(r'\w+', section.partition('\n### ')[0]))
     missing = set(STATUSES[node](tmp_path_factory)) - words
     assert not missing, f'describe {missing} of ~/status in docs/reference/interfaces.md'
+
+
+TABLE = tomllib.loads((ROOT / 'scripts' / 'mutants.toml').read_text(encoding='utf-8'))['mutant']
+
+
+@pytest.mark.parametrize('mutant', TABLE, ids=lambda mutant: mutant['name'])
+def test_can_be_tried(mutant: dict[str, str | list[str]]) -> None:
+    text = (ROOT / str(mutant['file'])).read_text(encoding='utf-8')
+    assert text.count(str(mutant['old'])) == 1
+    assert all((ROOT / test.partition('::')[0]).exists() for test in mutant['tests'])

@@ -343,7 +343,6 @@ def test_absurd_rows_are_dropped_and_outliers_found(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('signal', ['q_', 'dq_', 'ddq_', 'tau_'])
 def test_a_joint_without_a_name_is_named(tmp_path: Path, signal: str) -> None:
-    """Else the arm would silently have a joint less."""
     header = f't,q_a,dq_a,ddq_a,tau_a,{signal}'
     (tmp_path / 'arm.csv').write_text(f'{header}\n0,1,2,3,4,5\n')
     with pytest.raises(DataError, match=f"a column '{signal}' .* must end in the name of its"):
@@ -391,7 +390,6 @@ def test_a_first_column_without_a_name_numbers_the_rows(tmp_path: Path, index: l
 
 
 def test_a_first_column_of_values_needs_a_name(tmp_path: Path) -> None:
-    """Else the arm would silently have a joint less."""
     path = log(tmp_path / 'a.csv', ',t,q_b,tau_b\n0.5,0,1,2\n0.6,1,1,2\n0.7,2,1,2\n')
     with pytest.raises(
         DataError, match=r'first column of .* no name and begins with 0\.5, 0\.6, '

@@ -38,7 +38,6 @@ ARRAYS = {'q': np.arange(6.0).reshape(3, 2), 'names': np.array(['a', 'bc'])}
 
 
 def archive(**arrays: object) -> bytes:
-    """Return the bytes of an npz file."""
     file = io.BytesIO()
     np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
     return file.getvalue()
@@ -335,7 +334,6 @@ def test_the_header_alone_is_read(tmp_path: Path) -> None:
 def test_a_disk_that_fails_is_not_a_damaged_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cause: Exception, number: int
 ) -> None:
-    """A fit of a fleet would never read it again."""
     path = tmp_path / 'file.npz'
     path.write_bytes(GOOD)
 

@@ -78,10 +78,11 @@ PARTS = {
             'model',
             'recording',
         ),
-        *('excitation', 'rigid_body', 'settings'),
+        *('rigid_body', 'settings'),
     },
     'excitation': {
-        *('dataset', 'description', 'friction', 'model', 'recording', 'rigid_body', 'settings'),
+        *('dataset', 'description', 'evaluation', 'friction', 'model', 'recording'),
+        *('rigid_body', 'settings'),
     },
     'fleet': {
         *('dataset', 'evaluation', 'export', 'friction', 'identification', 'linear_algebra'),
@@ -133,7 +134,7 @@ FOREIGN = {
     'pinocchio': ('simulation', 'export/check'),
     'mujoco': ('export/mjcf',),
     'example_robot_data': ('simulation',),
-    'matplotlib': ('evaluation/report',),
+    'matplotlib': ('evaluation/report', 'excitation/report'),
     'rich': ('evaluation/tables', 'cli'),
     'argcomplete': ('cli/main',),  # imported where the shell asks
     'rclpy': ROS,

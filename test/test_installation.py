@@ -42,7 +42,6 @@ SHIPPED = (
 
 @pytest.fixture(scope='module')
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Install the wheel that `pip install .` makes, built from a copy of the sources."""
     copy = tmp_path_factory.mktemp('sources')
     for name in (*SHIPPED, PACKAGE):
         source = ROOT / name
@@ -242,7 +241,6 @@ def test_the_lowest_versions_fit_and_predict(wheel: Path, bag: Path, tmp_path: P
 def fit_and_predict(
     bag: Path, folder: Path, python: str | Path, environment: dict[str, str]
 ) -> str:
-    """Return what the command line prints to standard error."""
     lip_id = (python, '-P', '-m', PACKAGE)
     fitted = run(*lip_id, 'fit', bag, '-o', folder / 'arm.npz', **environment)
     assert fitted.returncode == 0, fitted.stderr

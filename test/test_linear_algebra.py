@@ -15,7 +15,6 @@ from lip_id_ros.linear_algebra import CholeskyFactor, JITTERS, normal_factor, no
 
 
 def positive(m: int, seed: int = 0) -> Array:
-    """Return a well-conditioned symmetric positive definite matrix."""
     a = np.random.default_rng(seed).normal(size=(m, m))
     return a @ a.T + m * np.eye(m)
 

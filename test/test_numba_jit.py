@@ -43,7 +43,6 @@ def folder(tmp_path: Path) -> Path:
 
 
 def environment() -> dict[str, str]:
-    """Let processes find this package, and keep compiled code beside its source."""
     kept = {name: value for name, value in os.environ.items() if name != 'NUMBA_CACHE_DIR'}
     return kept | {'PYTHONPATH': str(ROOT), 'PYTHONDONTWRITEBYTECODE': '1'}
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from lip_id_ros import parameter_page
+from lip_id_ros.acquisition.settings import fit_values, own_values, train_parameters, TrainSettings
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.feedforward.settings import require_changeable, ServeSettings
 from lip_id_ros.parameter_page import node_parameters
+from lip_id_ros.settings import Config, flatten, override, parameters_of
 
 PAGE = Path(__file__).resolve().parents[1] / 'docs' / 'reference' / 'parameters.md'
 
@@ -26,3 +31,31 @@ def test_every_parameter_has_one_line() -> None:
         '| `recording.effort_offset` | double array | `[]` | >= -1e+09 and <= 1e+09 | N m or N | '
         'at the next fit or data set | Added to the scaled effort, per joint; empty for 0. |'
     ) in lines
+
+
+def test_every_parameter_is_described_and_allows_its_default() -> None:
+    for table in (train_parameters(), parameters_of(ServeSettings)):
+        for name, row in table.items():
+            assert row.description.endswith('.'), name
+            assert row.check(row.default, name) == row.default
+
+
+def test_parameters_of_train_make_its_settings_and_those_of_a_fit() -> None:
+    values = {name: row.default for name, row in train_parameters().items()}
+    assert TrainSettings(**own_values(values)) == TrainSettings()
+    assert override(Config(), fit_values(values), 'the parameters') == Config()
+    assert set(flatten(Config())) <= set(values)
+
+
+def test_parameters_of_serve_make_its_settings() -> None:
+    values = {name: row.default for name, row in parameters_of(ServeSettings).items()}
+    assert ServeSettings(**values) == ServeSettings()
+
+
+def test_a_change_without_effect_is_refused() -> None:
+    before = ServeSettings()
+    for state in ('inactive', 'active'):
+        with pytest.raises(ConfigError, match=r'^publish_std is read when the node is configured'):
+            require_changeable(before, replace(before, publish_std=True), state)
+    require_changeable(before, replace(before, publish_std=True), 'unconfigured')
+    require_changeable(before, replace(before, torque_limits=(1.0,)), 'active')

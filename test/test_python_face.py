@@ -35,7 +35,6 @@ STATES = ('q', 'dq', 'ddq')
 
 
 def calls() -> dict[str, Callable[[Any], object]]:
-    """Return the public functions by name, each a function of one of its arguments."""
     data, some = training(), np.zeros((4, 3))
     found: dict[str, Callable[[Any], object]] = {
         'check_plan model': lambda value: lip.check_plan(value, PLAN, (1.0,)),

@@ -18,12 +18,10 @@ HEAVY = ('rclpy', 'torch', 'pinocchio', 'matplotlib', 'numba', 'scipy', 'numpy')
 
 
 def snippets(page: Path) -> list[str]:
-    """Every block of Python of a page."""
     return re.findall(r'```python\n(.*?)```', page.read_text(encoding='utf-8'), flags=re.DOTALL)
 
 
 def write_log(path: Path) -> None:
-    """Write 20 s of a planar arm's motion at 100 Hz, as a driver would log it."""
     rng = np.random.default_rng(1)
     t = np.arange(2000) * 0.01
     w = 2.0 * np.pi * rng.uniform(0.1, 0.7, (6, 1, 2))

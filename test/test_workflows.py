@@ -24,7 +24,6 @@ def jobs() -> Iterator[dict[str, Any]]:
 
 
 def commands(job: dict[str, Any]) -> str:
-    """Return the commands of a job, once for each value of its matrix."""
     text = '\n'.join(step.get('run', '') for step in job['steps'])
     for key, values in job.get('strategy', {}).get('matrix', {}).items():
         named = '${{ matrix.%s }}' % key  # noqa: UP031

@@ -39,7 +39,6 @@ class Patience:
 
     @property
     def exhausted(self) -> bool:
-        """Whether nothing has progressed for long."""
         now = time.monotonic()
         if now - self._looked > WINDOW_S:
             used = _cpu_seconds()
@@ -59,7 +58,6 @@ def wait_until(condition: Callable[[], Any], what: str, limit_s: float = LIMIT_S
 
 
 def suspend(process: psutil.Process) -> None:
-    """Stop a process and wait until it stands still: the signal alone may come late."""
     process.suspend()
     wait_until(lambda: process.status() == psutil.STATUS_STOPPED, 'the stop of a process')
 

@@ -10,12 +10,9 @@ from typing import Any
 
 
 class Work:
-    """Counts the calls of functions, of Python and of C."""
-
     calls = 0
 
     def count(self, frame: FrameType, event: str, argument: Any) -> None:
-        """Count one event of the interpreter's profiler."""
         self.calls += event in ('call', 'c_call')
 
 

@@ -81,7 +81,6 @@ def _work(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
 def _fit(
     data: Dataset, request: dict[str, Any], config: Config, progress: Progress
 ) -> dict[str, Any]:
-    """Fit and save; judge by what is held out, where that is asked for."""
     learned = learn(data, config, request['holdout'], progress)
     saved = _save(learned.model.save, request['path'], progress)
     return {
@@ -93,7 +92,6 @@ def _fit(
 
 
 def _payload(data: Dataset, request: dict[str, Any], progress: Progress) -> dict[str, Any]:
-    """Identify the payload of an arm whose model is known, and save it."""
     model = InverseDynamicsModel.load(request['model'])
     require_links(model, request['model'])
     flange, rescued = request['flange'], []
@@ -139,7 +137,6 @@ def _save(
 
 
 def _sources(data: Dataset) -> list[dict[str, Any]]:
-    """Return what was used of each source, and what was dropped for which reason."""
     sources = data.provenance.get('sources', [data.provenance])
     return [{key: each[key] for key in SHOWN if key in each} for each in sources]
 

@@ -7,17 +7,43 @@ from pathlib import Path
 from typing import Any
 
 from lip_id_ros.acquisition import recording_file
-from lip_id_ros.acquisition.gaps import Gaps
 from lip_id_ros.acquisition.sections import Sections
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.recording import JointSamples, Reason
 from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.recording.timing import GAP_STEPS
+from lip_id_ros.signals.joint_states import NANOSECONDS
 
 MESSAGE_BYTES, JOINT_BYTES = 128, 32
 """A bound on the size of a message in a bag; the names of its joints come on top."""
 
 MOST_NAMES = 20
 """So many foreign joints are named, where messages have an endless variety."""
+
+LEAST_GAP_S = 0.0625
+"""A shorter step is no gap at any rate: preprocessing bridges it, at its default cut-off."""
+
+FORGETTING = 0.05
+"""The usual step is the mean of about twenty."""
+
+
+class Gaps:
+    """Count steps between stamps that are many times as long as the usual ones before."""
+
+    def __init__(self) -> None:
+        self.count, self.longest_s = 0, 0.0
+        self._usual_s = 0.0
+
+    def add(self, step_ns: int) -> None:
+        """Judge the step between two stamps [ns]; one that goes back begins anew."""
+        step = step_ns / NANOSECONDS
+        if step <= 0.0:
+            return
+        most = GAP_STEPS * (self._usual_s or step)
+        if step > max(most, LEAST_GAP_S):
+            self.count, self.longest_s = self.count + 1, max(step, self.longest_s)
+        usual = self._usual_s or step
+        self._usual_s = usual + FORGETTING * (min(step, most) - usual)
 
 
 class Recorder(Sections):

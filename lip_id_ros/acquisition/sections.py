@@ -41,7 +41,6 @@ class Sections:
         self._drop_held()
 
     def __len__(self) -> int:
-        """Return the number of messages kept."""
         return sum(len(section) for section in (*self._closed, self._current))
 
     @property

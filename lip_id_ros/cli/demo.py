@@ -102,7 +102,6 @@ def record(bag: Path, seed: int, seconds: float) -> None:
 
 
 def _run(verb: Any, console: Console, *arguments: str) -> None:
-    """Show a command of `lip_id` and run it."""
     from lip_id_ros.evaluation.tables import show_lines
 
     name = verb.__name__.rpartition('.')[2]

@@ -124,10 +124,9 @@ def _from_first(every: Dataset, some: Dataset) -> Dataset:
 
 
 def _rollouts(model: InverseDynamicsModel, dataset: Dataset, urdf: str | None) -> Rollouts:
-    """Simulate windows of the motion with the model, and with the arm of a URDF."""
     from lip_id_ros.description.urdf import load_description
-    from lip_id_ros.evaluation.forward_dynamics import ForwardDynamics
-    from lip_id_ros.evaluation.rollout import floor, roll_out, Rollouts
+    from lip_id_ros.evaluation.rollout import floor, nominal_arm, roll_out, Rollouts
+    from lip_id_ros.model.forward_dynamics import ForwardDynamics
 
     if model.arm is None:
         raise ModelError(
@@ -139,12 +138,11 @@ def _rollouts(model: InverseDynamicsModel, dataset: Dataset, urdf: str | None) -
     if urdf is None:
         return errors
     description = load_description(urdf, dataset.joint_names, dataset.joint_types)
-    nominal = ForwardDynamics.nominal(description, dataset.gravity_compensated)
+    nominal = nominal_arm(description, dataset.gravity_compensated)
     return errors._replace(urdf=roll_out(nominal, dataset))
 
 
 def _not_simulated(model: InverseDynamicsModel) -> list[str]:
-    """Return what of a model a rollout leaves out."""
     from lip_id_ros.export.arm import remainder_of
 
     remainder = remainder_of(model)

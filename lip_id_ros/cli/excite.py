@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> None:
         found.save(path)
     show_lines([f'Written: {path}' for path in args.output], console)
     if args.report is not None:
-        from lip_id_ros.evaluation.report.motion_report import write_motion_report
+        from lip_id_ros.excitation.report import write_motion_report
 
         with output.progress_display() as progress:
             written = write_motion_report(args.report, found, tables, lines, progress)

@@ -69,7 +69,6 @@ def _is_model(file: str) -> bool:
 
 
 def _model(args: argparse.Namespace, console: Console) -> dict[str, Any]:
-    """Show a model and return its description."""
     from lip_id_ros.cli import models, show
     from lip_id_ros.errors import ConfigError
     from lip_id_ros.evaluation import fit_cautions
@@ -92,7 +91,6 @@ def _model(args: argparse.Namespace, console: Console) -> dict[str, Any]:
 
 
 def _recording(args: argparse.Namespace, console: Console) -> dict[str, Any]:
-    """Show a recording or data set and return its description."""
     from lip_id_ros.cli import models, output, show
     from lip_id_ros.evaluation.recording_health import RecordingHealth
     from lip_id_ros.evaluation.tables import show_lines

@@ -82,7 +82,6 @@ def _config_of(model: InverseDynamicsModel, path: str | None) -> Config:
 
 
 def _recording_of(model: InverseDynamicsModel, recording: RecordingSettings) -> RecordingSettings:
-    """Return the settings for the joints of a model, with values per joint in their order."""
     named = recording.joints or model.joint_names
     if missing := [name for name in model.joint_names if name not in named]:
         raise ConfigError(missing_joints(missing, 'recording.joints', named))

@@ -188,8 +188,6 @@ class Lines:
 
 
 class _Rate(ProgressColumn):
-    """Items per second."""
-
     def render(self, task: Task) -> Text:
         return Text('' if task.speed is None else f'{task.speed:.3g}/s')
 

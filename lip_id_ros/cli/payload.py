@@ -92,7 +92,6 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _show(payload: Payload, console: Console) -> None:
-    """Show mass, centre of mass and inertia with their standard deviations."""
     from lip_id_ros.evaluation.tables import show, Table
     from lip_id_ros.export.payload import inertias
 

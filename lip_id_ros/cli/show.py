@@ -96,7 +96,6 @@ def _with_units(values: Array, units: Sequence[str]) -> list[str]:
 
 
 def _show_links(model: InverseDynamicsModel, console: Console) -> None:
-    """Show the placements that a fit found, and whether anything else explains torques."""
     kinematics = model_kinematics(model)
     assert kinematics is not None, 'the model has links'
     title = f'Denavit-Hartenberg: {kinematics.transform}'
@@ -231,7 +230,6 @@ def described(description: Mapping[str, Any], console: Console, indent: str = ''
 
 
 def _nested(name: str, values: Mapping[str, Any], console: Console, indent: str) -> None:
-    """Show entries below a name, or beside it where they are few."""
     there = {key: value for key, value in values.items() if not _is_empty(value)}
     if there and len(there) <= MOST_BESIDE and not any(map(_is_nested, there.values())):
         entries = ', '.join(f'{key} {_text(value)}' for key, value in there.items())
@@ -242,7 +240,6 @@ def _nested(name: str, values: Mapping[str, Any], console: Console, indent: str)
 
 
 def _changed(name: str, values: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the settings that are not at their defaults."""
     if name not in DEFAULTS:
         return values
     defaults = asdict(DEFAULTS[name])  # tuples, which JSON has as lists

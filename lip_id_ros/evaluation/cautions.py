@@ -54,7 +54,6 @@ def fit_cautions(model: InverseDynamicsModel, evaluation: Evaluation | None = No
 
 
 def _proof(model: InverseDynamicsModel) -> list[str]:
-    """Return what a model lacks to be served, in a sentence."""
     lack = missing_proof(model)
     return [f'serve refuses this model unless accept_unproven is true: {lack}.'] if lack else []
 
@@ -126,7 +125,6 @@ def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> 
 
 
 def _repetition(summary: Mapping[str, Any]) -> list[str]:
-    """Return a sentence where a motion was recorded again and again, and little else."""
     every, new = (summary.get(name, 0.0) for name in ('motion_s', 'new_motion_s'))
     if new >= MOSTLY_NEW * every or new >= LITTLE_S:
         return []
@@ -137,13 +135,11 @@ def _repetition(summary: Mapping[str, Any]) -> list[str]:
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Return names of recordings for a sentence, some of many."""
     more = f' and {len(names) - MOST_NAMES} more' * (len(names) > MOST_NAMES)
     return f'{", ".join(names[:MOST_NAMES])}{more}'
 
 
 def _disturbances(joint_names: Sequence[str], episodes: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return a sentence about the parts of the recordings that were left out, if any."""
     if not episodes:
         return []
     joints = sorted({joint for each in episodes for joint in each['joints']})
@@ -205,7 +201,6 @@ def no_better_than_mean(
 
 
 def _findings(provenance: Mapping[str, Any]) -> list[str]:
-    """Return a line for each kind of warning and error, and the number of the notes."""
     sources = [each for each in provenance.get('sources', ()) if isinstance(each, Mapping)]
     several = len(sources) > 1
     found = [
@@ -256,7 +251,6 @@ def _alike(alike: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _selections(provenance: Mapping[str, Any]) -> list[str]:
-    """Return in sentences what was selected for the recordings of a data set or model, and why."""
     reports = [source[SELECTED] for source in provenance.get('sources', ()) if SELECTED in source]
     if not reports:
         return []

@@ -170,7 +170,6 @@ def standard_deviation(
 def _state_blocks(
     dataset: Dataset, size: int, stage: str, progress: Progress
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield joint states, `size` samples at a time, and report each block as done."""
     for begin in range(0, dataset.n_samples, size):
         rows = slice(begin, begin + size)
         yield dataset.q[rows], dataset.dq[rows], dataset.ddq[rows]

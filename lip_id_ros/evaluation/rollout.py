@@ -17,8 +17,10 @@ from scipy.interpolate import CubicHermiteSpline, interp1d
 
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.errors import DataError
-from lip_id_ros.evaluation.forward_dynamics import ForwardDynamics
+from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.model.forward_dynamics import ForwardDynamics
 
 HORIZONS_S = (0.1, 1.0)
 FEEDBACK = 2.0
@@ -33,6 +35,8 @@ MOST_WINDOWS = 50
 BLOCK = 10_000  # samples whose inertia matrices are in memory at once
 FASTEST = 100.0
 """Velocity at which a simulation that diverges is stopped [rad/s or m/s]."""
+NOMINAL_SIGN_WIDTH = 0.01
+"""Of the Coulomb friction of a URDF, whose sign jumps [rad/s or m/s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +100,17 @@ def rollout_cautions(rollouts: Rollouts, joint_names: Sequence[str]) -> list[str
                 f'the travel at {", ".join(lost)}: it is no better there than an arm at rest.'
             )
     return texts
+
+
+def nominal_arm(description: RobotDescription, gravity_compensated: bool) -> ForwardDynamics:
+    """Return the arm of a URDF with its friction, without gravity if that is compensated."""
+    n = len(description.joint_names)
+    coefficients = np.column_stack([description.damping, description.friction, np.zeros(n)])
+    basis = plain_friction(n, np.full(n, NOMINAL_SIGN_WIDTH))
+    friction = FrictionModel(basis, coefficients.ravel())
+    gravity = np.zeros(3) if gravity_compensated else description.chain.gravity
+    chain = description.chain._replace(gravity=gravity)
+    return ForwardDynamics(chain, description.links, friction)
 
 
 def roll_out(arm: ForwardDynamics, dataset: Dataset) -> tuple[Rollout, ...]:
@@ -202,7 +217,6 @@ def _error_squares(
 
 
 def _between(values: Array, at: Array) -> Array:
-    """Interpolate rows of values linearly at fractional row numbers."""
     left = np.clip(at.astype(np.intp), 0, len(values) - 2)
     share = (at - left)[:, None]
     return np.asarray((1.0 - share) * values[left] + share * values[left + 1])

@@ -89,7 +89,6 @@ def measure(model: DynamicsModel, n_samples: int, progress: Progress = silent) -
 
 
 def _one(call: Call) -> Call:
-    """Return a call of many samples as a call of one."""
     return lambda q, dq, ddq: call(q[None], dq[None], ddq[None])
 
 

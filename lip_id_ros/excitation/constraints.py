@@ -1,4 +1,4 @@
-"""Limits beside those of the joints: what a motion is made smaller for."""
+"""Limits beside those of the joints, such as of torques, as far as a model can vouch for them."""
 
 from __future__ import annotations
 
@@ -6,8 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from lip_id_ros.arrays import Array
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.excitation.joint_limits import JointLimits
+from lip_id_ros.excitation.known_arm import KnownArm
 from lip_id_ros.excitation.series import FourierMotion
+from lip_id_ros.model import InverseDynamicsModel
 
 HALVINGS, SHRINK = 8, 0.97
 
@@ -58,3 +64,66 @@ class Constraints:
 
     def _are_kept(self, motion: FourierMotion, fine: bool) -> bool:
         return all(one.is_kept(motion, fine) for one in self.each)
+
+
+DEVIATIONS = 3.0
+"""Standard deviations that are added to the torque that a model predicts."""
+
+COARSE_HZ, FINE_HZ = 50.0, 1000.0
+SHARPNESS, WEIGHT = 0.02, 30.0
+"""Of the penalty: width of its corner, in limits, and weight of a limit that is used twice."""
+
+
+class TorqueLimits:
+    """
+    Limits of torques, and the model that predicts them.
+
+    A torque counts with three standard deviations. Between two samples it is taken to be at most
+    as far from either as they are from each other.
+    """
+
+    def __init__(self, model: InverseDynamicsModel, limits: JointLimits) -> None:
+        assert limits.torque is not None, 'without limits of torques there is nothing to hold'
+        assert model.arm is not None, 'only an arm is designed for'
+        self._model, self._limit, self._names = model, limits.torque, limits.joint_names
+        self._arm = KnownArm(model.arm)
+
+    def use(self, motion: FourierMotion, rate: float) -> Array:
+        """Return the largest share of each limit that a motion uses, shape (n,)."""
+        t = motion.times(rate)
+        states = motion.sample(t)
+        tau = self._model.predict(*states, t).tau
+        size = np.abs(tau) + DEVIATIONS * self._model.torque_std(*states, t)
+        steps = np.abs(np.diff(tau, axis=0))
+        size[:-1] += steps
+        return np.asarray((size / self._limit).max(axis=0))
+
+    def require_posture(self, posture: Array) -> None:
+        """Refuse a posture that cannot be held, by a ConfigError that names the joint."""
+        still = np.zeros((1, len(posture)))
+        state = posture[None], still, still
+        tau = self._model.predict(*state).tau[0]
+        std = self._model.torque_std(*state)[0]
+        used = (np.abs(tau) + DEVIATIONS * std) / self._limit
+        worst = int(np.argmax(used))
+        if used[worst] >= 1.0:
+            raise ConfigError(
+                f'joint {self._names[worst]!r} needs {tau[worst]:.3g} ± '
+                f'{DEVIATIONS * std[worst]:.2g} at the posture by the model, more than its limit '
+                f'{self._limit[worst]:.3g}; choose another posture, or raise motion.torque_limits.'
+            )
+
+    def is_kept(self, motion: FourierMotion, fine: bool) -> bool:
+        """Whether a motion keeps the limits: at 1 kHz if `fine`, else at some times."""
+        return bool(self.use(motion, FINE_HZ if fine else COARSE_HZ).max() <= 1.0)
+
+    def penalty(self, q: Array, dq: Array, ddq: Array) -> tuple[float, Array]:
+        """Return what torques beyond the limits cost, and its gradient, shape (3, N, n)."""
+        tau = self._arm.torque(q, dq, ddq)
+        std = self._model.torque_std(q, dq, ddq)
+        excess = (np.abs(tau) + DEVIATIONS * std) / self._limit - 1.0
+        soft = SHARPNESS * np.logaddexp(0.0, excess / SHARPNESS)
+        slope = 1.0 / (1.0 + np.exp(-np.clip(excess / SHARPNESS, -500.0, 500.0)))
+        weight = WEIGHT / len(q)
+        by_tau = weight * 2.0 * soft * slope * np.sign(tau) / self._limit
+        return weight * float(np.sum(soft**2)), self._arm.torque_pullback(by_tau, q, dq, ddq)

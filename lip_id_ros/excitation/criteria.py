@@ -17,7 +17,6 @@ from lip_id_ros.excitation.joint_limits import JointLimits
 from lip_id_ros.excitation.known_arm import KnownArm
 from lip_id_ros.excitation.scaling import LimitedMotions
 from lip_id_ros.excitation.settings import ExcitationConfig, INFORMATION
-from lip_id_ros.excitation.targets import random_targets
 from lip_id_ros.excitation.unknown_arms import unknown_arm
 
 ARMS = 4
@@ -25,6 +24,9 @@ ARMS = 4
 
 INDEPENDENT_HZ = 100.0
 """Rate of independent measurements of torques; noise of drives is seldom white beyond."""
+
+MOTIONS, STATES_EACH = 12, 50
+"""Random motions, and their states, at which torques will be wanted where no others are given."""
 
 LEAST_SAMPLES, SAMPLES_PER_HARMONIC = 120, 24
 """States at which a criterion is evaluated."""
@@ -38,7 +40,7 @@ def first_criterion(
 ) -> Criterion:
     """Return the mean expected error over some arms that an unknown one may be."""
     rng = _generator(config)
-    targets = random_targets(motions, rng)
+    targets = _random_targets(motions, rng)
     arms = [unknown_arm(limits, joint_types, targets, rng) for _ in range(ARMS)]
     return MeanCriterion(
         [ExpectedError(arm, targets, measurements(config), _samples(config)) for arm in arms]
@@ -54,7 +56,7 @@ def next_criterion(config: ExcitationConfig, learner: KnownArm, targets: States)
 
 def usual_targets(config: ExcitationConfig, motions: LimitedMotions) -> States:
     """Return states of random motions within the limits, where no others are given."""
-    return random_targets(motions, _generator(config))
+    return _random_targets(motions, _generator(config))
 
 
 def measurements(config: ExcitationConfig) -> float:
@@ -68,3 +70,12 @@ def _generator(config: ExcitationConfig) -> np.random.Generator:
 
 def _samples(config: ExcitationConfig) -> int:
     return max(LEAST_SAMPLES, SAMPLES_PER_HARMONIC * config.motion.harmonics)
+
+
+def _random_targets(motions: LimitedMotions, rng: np.random.Generator) -> States:
+    found = []
+    for _ in range(MOTIONS):
+        motion = motions.motion(motions.random(rng))
+        found.append(motion.sample(rng.uniform(0.0, motion.duration, STATES_EACH)))
+    q, dq, ddq = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return q, dq, ddq

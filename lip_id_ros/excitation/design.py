@@ -109,7 +109,6 @@ class _Report(Protocol):
 
 
 def _improved(problem: _Problem, x: Array, steps: int, report: _Report) -> tuple[float, Array]:
-    """Return the smallest criterion on the way of the descent, and its numbers."""
     value, slope = problem.value_and_gradient(x)
     best = value, x
     mean, square = np.zeros_like(x), np.zeros_like(x)

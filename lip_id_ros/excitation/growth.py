@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.excitation.constraints import TorqueLimits
 from lip_id_ros.excitation.joint_limits import JointLimits
 from lip_id_ros.excitation.scaling import LimitedMotions
-from lip_id_ros.excitation.torque_limits import TorqueLimits
 from lip_id_ros.model import InverseDynamicsModel
 
 FIRST_SIZE = 0.15

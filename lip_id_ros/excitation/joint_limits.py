@@ -116,7 +116,6 @@ def _of(ranges: JointRanges | None, field: str, n: int) -> Array:
 
 
 def _given(settings: MotionSettings, field: str, n: int, otherwise: Array) -> Array:
-    """Return the numbers of a setting, one per joint, or others where it is empty."""
     values = getattr(settings, field)
     if len(values) not in (0, 1, n):
         raise ConfigError(

@@ -12,7 +12,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.urdf import moving_joints, parse_description, urdf_text
 from lip_id_ros.errors import ConfigError, DataError, ModelError, shortened
-from lip_id_ros.excitation.constraints import Constraint, Constraints
+from lip_id_ros.excitation.constraints import Constraint, Constraints, TorqueLimits
 from lip_id_ros.excitation.criteria import (
     first_criterion,
     measurements,
@@ -22,13 +22,11 @@ from lip_id_ros.excitation.criteria import (
 from lip_id_ros.excitation.design import Design, design
 from lip_id_ros.excitation.expected_error import States
 from lip_id_ros.excitation.joint_limits import JointLimits, limits_from, posture_from
-from lip_id_ros.excitation.known_arm import KnownArm
-from lip_id_ros.excitation.learning import Learning
+from lip_id_ros.excitation.known_arm import KnownArm, Learning
 from lip_id_ros.excitation.scaling import LimitedMotions, peaks
 from lip_id_ros.excitation.series import FourierMotion
 from lip_id_ros.excitation.settings import ExcitationConfig, MotionSettings, SpaceSettings
 from lip_id_ros.excitation.space import is_limited, Space
-from lip_id_ros.excitation.torque_limits import TorqueLimits
 from lip_id_ros.excitation.trajectory_file import sampled, Trajectory, writer_for
 from lip_id_ros.joint_types import REVOLUTE
 from lip_id_ros.model import InverseDynamicsModel
@@ -191,7 +189,6 @@ def _constraints(
     limits: JointLimits,
     model: InverseDynamicsModel | None,
 ) -> Constraints:
-    """Return the limits of torques, where there is a model, and of the space."""
     found: list[Constraint] = []
     if model is not None and limits.torque is not None:
         found.append(TorqueLimits(model, limits))
@@ -206,7 +203,6 @@ def _constraints(
 
 
 def _of_model(config: ExcitationConfig, model: Any) -> ExcitationConfig:
-    """Return the settings for the joints of a model of rigid links."""
     if not isinstance(model, InverseDynamicsModel) or model.arm is None:
         kind = model.kernel if isinstance(model, InverseDynamicsModel) else shortened(model)
         raise ModelError(
@@ -222,7 +218,6 @@ def _of_model(config: ExcitationConfig, model: Any) -> ExcitationConfig:
 
 
 def _states(targets: Any, model: InverseDynamicsModel) -> States:
-    """Return some states of a data set of the model's joints."""
     if not isinstance(targets, Dataset):
         raise DataError(
             f'targets of a motion must be a Dataset, not {shortened(targets)}; use load_dataset.'
@@ -248,7 +243,6 @@ def _config(settings: Any) -> ExcitationConfig:
 def _joints(
     settings: MotionSettings, description: tuple[str, str] | None
 ) -> tuple[tuple[str, ...], tuple[str, ...], Chain | None]:
-    """Return names and types of the joints, one serial arm of the URDF, and its chain."""
     if description is None:
         if not settings.joints:
             raise ConfigError(

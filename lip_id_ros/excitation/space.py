@@ -173,7 +173,6 @@ def _within(points: Array, low: Array, high: Array) -> tuple[Array, Array]:
 
 
 def _about_z(angles: Array) -> Array:
-    """Return rotations about z, shape (N, 3, 3)."""
     c, s = np.cos(angles), np.sin(angles)
     zero, one = np.zeros_like(c), np.ones_like(c)
     rows = [[c, -s, zero], [s, c, zero], [zero, zero, one]]

@@ -106,5 +106,4 @@ def random_chain(joint_types: Sequence[str], rng: np.random.Generator) -> Chain:
 
 
 def _on_diagonal(columns: Array) -> Array:
-    """Return matrices (N, n, n) with rows (N, n) on their diagonals."""
     return np.asarray(columns[:, :, None] * np.eye(columns.shape[1]))

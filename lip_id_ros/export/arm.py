@@ -154,7 +154,6 @@ def _load(model: InverseDynamicsModel) -> str:
 
 
 def _efforts(model: InverseDynamicsModel) -> list[str]:
-    """Return a sentence where efforts were no torques."""
     scaled = any((each.scale != 1.0).any() for each in model.effort_calibrations)
     if not scaled:
         return []

@@ -154,7 +154,6 @@ def _friction(arm: ArmDescription) -> list[str]:
 def _drive(
     drive: Drive, features: list[tuple[str, float, Column]], arm: ArmDescription
 ) -> list[str]:
-    """Return the block that adds the friction of one drive."""
     used = [primitive for _, _, column in features for _, primitive in column]
     widths = sorted({p.width for p in used if p.shape in (SIGN, REVERSAL)})
     signs = {width: f's{k}' for k, width in enumerate(widths)}

@@ -123,7 +123,6 @@ def _check_urdf(
 
 
 def _locked(pinocchio: Any, model: Any, joint_names: tuple[str, ...]) -> Any:
-    """Return a model whose other joints are locked at zero."""
     others = [model.getJointId(name) for name in list(model.names)[1:] if name not in joint_names]
     return pinocchio.buildReducedModel(model, others, pinocchio.neutral(model))
 

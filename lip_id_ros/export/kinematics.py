@@ -154,6 +154,5 @@ def _cell(unit: str, value: float, std: float, identified: bool) -> str:
 
 
 def _rounded(value: float, unit: str, angle: int, distance: int) -> str:
-    """Return a number with so many decimals, minus zero as zero."""
     digits = angle if unit == 'deg' else distance
     return f'{round(value, digits) + 0.0:.{digits}f}'

@@ -166,7 +166,6 @@ def _tendon(
 
 
 def _drive(arm: ArmDescription, i: int, friction: dict[str, float]) -> dict[str, str]:
-    """Return the range, rotor and friction of a drive, as attributes of a joint or tendon."""
     viscous, square, coulomb, spring = (friction.get(term, 0.0) for term in FRICTION)
     drive = {
         'range': numbers([arm.ranges.q_min[i], arm.ranges.q_max[i]]),

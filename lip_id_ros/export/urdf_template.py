@@ -209,7 +209,6 @@ class _Document:
                 self._edits.append(_Edit(start, end, quoteattr(value)))
 
     def _append(self, owner: tuple[str, str], parent: str, text: str) -> None:
-        """Add text at the end of an element, which is made where there is none."""
         element = self._elements.get((*owner, parent))
         if element is None:
             element, text = self._elements[(*owner, '')], f'<{parent}>{text}</{parent}>'
@@ -252,7 +251,6 @@ def _elements(content: bytes) -> dict[tuple[str, str, str], _Element]:
 
 
 def _end_of_tag(content: bytes, start: int) -> int:
-    """Return where a start tag ends; `>` may be in the value of an attribute."""
     found = re.compile(rb'<(?:[^>"\']|"[^"]*"|\'[^\']*\')*>').match(content, start)
     assert found is not None, 'a parser has found it'
     return found.end()
@@ -264,7 +262,6 @@ def _tag(name: str, attributes: Mapping[str, str]) -> str:
 
 
 def _equal(old: str, new: str) -> bool:
-    """Whether two texts are the same numbers."""
     try:
         return [float(x) for x in old.split()] == [float(x) for x in new.split()]
     except ValueError:

@@ -122,7 +122,6 @@ class ServedArm:
         return round(found, 3) if np.isfinite(found) else None
 
     def _with_gravity(self, predicted: Query | Prediction) -> Array:
-        """Return torques, without gravity where the robot adds its own."""
         if self.shaper.rules.gravity:
             return predicted.tau
         return predicted.tau - self._model.efforts(predicted.gravity)

@@ -29,7 +29,6 @@ MADE_BY = (
     ),
     *(
         'evaluation',
-        'excitation',
         'export',
         'fleet',
         'friction',

@@ -57,7 +57,6 @@ def diagnose_effort(
 def _readings(
     dataset: Dataset, recorded: EffortScale, seed: int, progress: Progress
 ) -> Iterator[Finding]:
-    """Try other scales, signs and orders where links explain the efforts badly, or oddly."""
     if np.all(recorded.scale < 0.0) and np.sum(recorded.friction) < 0.0:
         yield _turned(dataset, range(dataset.n_joints), recorded, recorded)
         if recorded.explains:
@@ -93,7 +92,6 @@ def _signs_and_scales(
 
 
 def _is_better(other: EffortScale, recorded: EffortScale) -> bool:
-    """Return whether another reading explains the efforts so much better that it is proposed."""
     if BETTER * other.mean_residual <= recorded.mean_residual:
         return True
     return other.explains and recorded.gain(other) > BETTER

@@ -88,7 +88,6 @@ def _basis(position: Array, velocity: Array, acceleration: Array) -> Array:
 
 
 def _unexplained(basis: Array, effort: Array) -> Array:
-    """Return the share of the variance of each effort that the basis leaves, shape (n,)."""
     effort = effort - effort.mean(axis=0)
     total: Array = np.square(effort).sum(axis=0)
     return 1.0 - np.square(basis.T @ effort).sum(axis=0) / total

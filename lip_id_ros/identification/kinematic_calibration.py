@@ -1,8 +1,4 @@
-"""
-Placements of joints from torques by variable projection (Golub and Pereyra 1973.
-
-Maths.md, 10).
-"""
+"""Placements of joints from torques by variable projection (Golub, Pereyra 1973; maths.md, 10)."""
 
 from __future__ import annotations
 

@@ -80,7 +80,6 @@ class ComputedTorqueNode(NodeBase):
         self._command.wait_for_all_acked(Duration(seconds=DELIVERY_S))
 
     def _settings(self) -> ControlSettings:
-        """Return the settings, with the limits of the URDF where those are asked for."""
         settings = ControlSettings(**self.values())
         if settings.torque_limits != DESCRIBED:
             return settings
@@ -117,7 +116,6 @@ class ComputedTorqueNode(NodeBase):
         self._command.publish(messages.torque_message(stamp, self._controller.joint_names, tau))
 
     def _tell(self) -> None:
-        """Log why a plan was let go, and publish the status at once."""
         failure = self._controller.failure
         if failure != self._told:
             self._told = failure

@@ -84,7 +84,6 @@ class Goals:
         self._client.destroy()
 
     def _servers(self) -> frozenset[bytes]:
-        """Return the identities of the servers of the controller's action."""
         topic = f'{self._action}/_action/status'
         infos = self._node.get_publishers_info_by_topic(topic)
         return frozenset(bytes(info.endpoint_gid) for info in infos)

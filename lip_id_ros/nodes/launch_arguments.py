@@ -43,7 +43,6 @@ def common_arguments(config: str | None, nodes: str) -> list[Action]:
 
 
 def _refuse_undeclared(context: LaunchContext) -> None:
-    """Refuse arguments of the command line that no launch file of this launch declares."""
     launched = context.locals.event.launch_description
     known = {declared.name for declared in launched.get_launch_arguments()}
     given = [each.partition(':=')[0] for each in context.argv if ':=' in each]

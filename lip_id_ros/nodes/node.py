@@ -212,7 +212,6 @@ class NodeBase(Node):
         return True
 
     def _guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:
-        """Return the callback guarded; its second argument, if any, is a service's response."""
         if inspect.iscoroutinefunction(callback):
 
             @functools.wraps(callback)
@@ -272,7 +271,6 @@ class NodeBase(Node):
         return Status(max(status.level, Level.WARN), f'{status.summary}; messages {told}', values)
 
     def _new_losses(self) -> dict[str, int]:
-        """Return how many messages were lost since the last call, by topic, where any were."""
         new: Counter[str] = Counter()
         for subscription in self.subscriptions:
             if subscription in self._losses:
@@ -283,7 +281,6 @@ class NodeBase(Node):
         return dict(+new)
 
     def _with_faults(self, status: Status) -> Status:
-        """Add what the guard caught."""
         values = {**status.values, 'faults': self.faults, 'last_fault': self.last_fault}
         new, self._faults_published = self.faults - self._faults_published, self.faults
         if new:
@@ -297,7 +294,6 @@ class NodeBase(Node):
         return ['use_sim_time is true, but /clock has no time: what is stamped now has stamp 0']
 
     def _with_warnings(self, status: Status) -> Status:
-        """Add what is wrong around the node."""
         warnings = self.warnings()
         if not warnings:
             return status

@@ -131,7 +131,6 @@ class PlanWorker:
         return Planned(planned, **json.loads(answer))
 
     def _start(self) -> subprocess.Popen[bytes]:
-        """Start the process and wait until it has the model."""
         if self._stopped:  # its file may be closed
             raise EOFError
         process = subprocess.Popen(

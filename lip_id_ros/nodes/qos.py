@@ -88,7 +88,6 @@ def misfits(node: Node) -> list[str]:
 
 
 def _type_name(message: Any) -> str:
-    """Return the name of a message's type, as the graph has it."""
     package, kind, *_ = message.__module__.split('.')
     return f'{package}/{kind}/{message.__name__}'
 

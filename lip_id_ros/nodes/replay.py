@@ -100,7 +100,6 @@ def _topics(path: Path) -> list[Topic]:
 
 
 def _is_ros_name(node: Node, name: str) -> bool:
-    """Return whether ROS 2 takes the name of a topic; warn where it does not."""
     try:
         validate_topic_name(name)
     except NameValidationException as error:

@@ -149,7 +149,6 @@ class ServeNode(NodeBase, LifecycleNode):
             self._enable(settings.enabled)
 
     def _serve(self, loaded: LoadedModel, settings: ServeSettings) -> None:
-        """Answer with another model from the next reference on."""
         self._loaded = loaded
         self._inputs.use(loaded, settings)
         if self._server.active:
@@ -164,7 +163,6 @@ class ServeNode(NodeBase, LifecycleNode):
         return settings
 
     def _read_limits(self, joint_names: Sequence[str]) -> ServeSettings:
-        """Return the settings, with the limits of the newest URDF where those are asked for."""
         self._limits = ()
         settings = self._settings()
         self._listen(settings)

@@ -90,7 +90,6 @@ class Inputs:
 
     @property
     def _single(self) -> list[str]:
-        """Topics that should have one publisher."""
         return [each.topic_name for each in (self._trajectories, *self._optional)]
 
     def use(self, loaded: LoadedModel, settings: ServeSettings) -> None:
@@ -183,7 +182,6 @@ class Inputs:
             raise RefusedError(reason)
 
     def _answer(self, raw: bytes, age: float) -> None:
-        """Answer a plan, or a sample of a stream."""
         if self._is_contradicted:
             self._refuse(Refusal.SEVERAL_PUBLISHERS)
         if len(raw) > INLINE_BYTES and (count := self._count_points(raw)) > 1:
@@ -207,7 +205,6 @@ class Inputs:
             return messages.count_points(raw)
 
     def _submit(self, raw: bytes, n_points: int) -> None:
-        """Have a long plan answered beside the stream."""
         with self._references.refusing():
             self._server.ready_arm()
             if n_points > self._settings.max_plan_points:

@@ -195,7 +195,6 @@ class TrainNode(NodeBase):
         return sources, work, self._recorder.saving(sections)
 
     def _fit_values(self, kind: str, values: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the settings of a fit, with the URDF of the topic where that is asked for."""
         found = fit_values(values)
         if kind != 'fit' or not values['use_robot_description']:
             return found
@@ -230,7 +229,6 @@ class TrainNode(NodeBase):
         return Level.WARN if rose or self._recorder.is_full or self._endangered else Level.OK
 
     def _report(self, job: JobState) -> None:
-        """Log the end of a job, once."""
         if job.state == self._reported.state and job.task == self._reported.task:
             return
         self._reported = job

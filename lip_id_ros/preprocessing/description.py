@@ -149,7 +149,6 @@ def _ranges(
 
 
 def _range(values: Array) -> list[list[float] | None]:
-    """Return least and largest value of each column, None where one is not known."""
     if not len(values):
         return [None] * values.shape[1]
     ends = np.transpose(extent(values))

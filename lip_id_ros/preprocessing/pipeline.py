@@ -130,7 +130,6 @@ def _motions(
 def _part(
     segment: Segment, window: Window, settings: PreprocessingSettings, kept: range
 ) -> dict[str, Array]:
-    """Return the motion that is kept of a window of a segment."""
     uniform = segment.rows(window.rows).uniform(window.times)
     q, dq, ddq, tau = smooth(uniform, settings)
     segment.release()

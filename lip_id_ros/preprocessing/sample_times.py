@@ -305,7 +305,6 @@ def _clock_step(t: Array) -> float:
 
 
 def _fitted(t: Array, numbers: IntArray) -> Array:
-    """Return times on a line over numbers, by least squares."""
     if t.size < 2:
         return t
     centred = numbers - numbers.mean()

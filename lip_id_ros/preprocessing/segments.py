@@ -139,7 +139,6 @@ def _longest_gap(samples: JointSamples, settings: PreprocessingSettings) -> floa
 
 
 def _position_steps(samples: JointSamples) -> dict[str, float]:
-    """Return the steps of the positions that are quantised."""
     steps = {}
     for joint, name in enumerate(samples.joint_names):
         steps[name] = quantum(samples.position[:, joint])
@@ -148,7 +147,6 @@ def _position_steps(samples: JointSamples) -> dict[str, float]:
 
 
 def _spread(samples: JointSamples) -> JointSamples:
-    """Spread messages that came in bursts evenly, where positions bear that out."""
     silence = longest_silence(samples.t)
     if not silence:
         return samples

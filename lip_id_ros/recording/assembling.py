@@ -164,7 +164,6 @@ def covering(blocks: Sequence[MessageBlock], joints: Sequence[str]) -> list[Mess
 def _in_time(
     block: MessageBlock, clock: str, counts: Counter[str], notes: dict[str, None]
 ) -> Timeline:
-    """Put the usable messages of a block in the order of time; count the others."""
     keep = complete(_absent(block, _VELOCITY), _absent(block, _EFFORT), counts)
     stamps = block.numbers[:, CLOCKS[clock]]
     timeline = arrange(stamps if keep.all() else stamps[keep])

@@ -209,7 +209,6 @@ class RawBag:
         self._store = get_typestore(Stores.ROS2_JAZZY)
 
     def __enter__(self) -> Self:
-        """Make the folder."""
         self._writer.open()
         self._connections = {
             topic: self._writer.add_connection(topic, kind, typestore=self._store)
@@ -218,7 +217,6 @@ class RawBag:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Close the bag."""
         self._writer.close()
 
     def write(self, topic: str, receive_ns: int, data: bytes | memoryview) -> None:

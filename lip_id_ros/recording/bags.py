@@ -74,7 +74,6 @@ class Bag:
         self._stack = ExitStack()
 
     def __enter__(self) -> Bag:
-        """Open every file and list the topics."""
         try:
             self._open()
             self.topics = self._listed_topics()
@@ -84,7 +83,6 @@ class Bag:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Close every file."""
         self._stack.close()
 
     @property
@@ -284,7 +282,6 @@ def _no_bag(folder: Path, named: list[str]) -> str:
 
 
 def _named(path: Path) -> tuple[list[str], list[str]]:
-    """Return the names of the files in metadata.yaml, and what is wrong with it."""
     try:
         require_regular_file(path)
         if path.stat().st_size > _LONGEST_METADATA:

@@ -65,7 +65,6 @@ class SampleBuffer:
         self._rows = np.empty((self._first_rows, 3, len(self._wanted)))
 
     def __len__(self) -> int:
-        """Return the number of messages taken."""
         return self._size
 
     @property

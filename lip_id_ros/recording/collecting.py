@@ -166,7 +166,6 @@ class RowStore:
             return np.memmap(file, self._array.dtype, 'r', shape=shape)
 
     def _make_room(self, needed: int) -> None:
-        """Make room for rows, and for more, so that growth stays linear."""
         if needed > len(self._array):
             capacity = max(needed, 3 * len(self._array) // 2)
             # no view of it exists

@@ -245,7 +245,6 @@ def message_blocks(
 
 
 def _misfit(names: int, position: int, velocity: int, effort: int) -> Reason | None:
-    """Return what is wrong with the lengths of arrays; efforts may come alone."""
     is_effort = position == 0 and effort == names
     return length_reason(names, names if is_effort else position, velocity, effort)
 
@@ -272,7 +271,6 @@ def _cut(messages: Sequence[bytes], is_ros1: bool, decode: Decode) -> Iterator[_
 
 
 def _layout(data: bytes, message: Any, is_ros1: bool) -> _Layout:
-    """Walk through a message that the library could decode."""
     start, align = (0, 1) if is_ros1 else (4, 4)
     order = '<' if is_ros1 or data[1] == 1 else '>'
     byte_order = 'little' if order == '<' else 'big'

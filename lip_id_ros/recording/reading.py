@@ -235,7 +235,6 @@ def _topics(
 def _collected(
     bag: Bag, topic: Topic, joints: Sequence[str], progress: Progress
 ) -> SampleCollector:
-    """Read all messages of a topic, not yet in the order of time."""
     collector = SampleCollector(joints, os.fspath(bag.path), topic.name)
     stage, done = f'reading {bag.path.name}', 0
     progress(stage, 0, topic.count)

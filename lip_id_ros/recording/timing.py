@@ -190,7 +190,6 @@ def _plausible(
 
 
 def _far_end(stamps: IntArray) -> bool:
-    """Whether the first or last few stamps reach over more than an hour."""
     ends = (stamps[:_NEIGHBOURS], stamps[-_NEIGHBOURS:])
     return any(end.size > 0 and int(np.ptp(end)) > END_NS for end in ends)
 

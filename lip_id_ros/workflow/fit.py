@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 from lip_id_ros import identification
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.evaluation import Evaluation, fit_cautions
-from lip_id_ros.evaluation.held_out import judged
+from lip_id_ros.evaluation import evaluate, Evaluation, fit_cautions, matched
 from lip_id_ros.identification.fitting import check
+from lip_id_ros.identification.folds import new_motion_s
 from lip_id_ros.loading.data_settings import settings_of
 from lip_id_ros.loading.examined import load_dataset
 from lip_id_ros.loading.load import PathLike
 from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.proof import with_held_out
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.settings import Config, FitSettings
@@ -58,6 +59,15 @@ def learn(
     if held_out is None:
         return Learned(model)
     return Learned(*judged(model, training, held_out, progress))
+
+
+def judged(
+    model: InverseDynamicsModel, training: Dataset, held_out: Dataset, progress: Progress = silent
+) -> tuple[InverseDynamicsModel, Evaluation]:
+    """Return the model with its errors on held-out samples in the summary, and those errors."""
+    evaluation = evaluate(model, held_out, progress)
+    new_s = new_motion_s(matched(training, model), matched(held_out, model))
+    return with_held_out(model, evaluation.nmse_percent, new_s), evaluation
 
 
 def fit(

@@ -103,7 +103,6 @@ def test_a_data_set_is_made_beside(jobs: Jobs, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_end_of_a_job_is_not_that_of_the_next(jobs: Jobs, tmp_path: Path) -> None:
-    """A process reports its result before it ends."""
     for name in ('first', 'second'):
         task = Task('dataset', flatten(Config()), str(tmp_path / f'{name}.npz'))
         work = jobs.start(task, [samples(500)])
@@ -275,7 +274,6 @@ def test_samples_that_cannot_be_passed_on_stay_and_a_sentence_has_the_reason(
 def run_job(
     kind: str, folder: Path, path: Path, recorded: JointSamples | None = None, **values: object
 ) -> dict[str, Any]:
-    """Run a job in this process and return what it reports."""
     pass_on(folder, [recorded or samples(1000)])
     cheap = {'fit.subset': 30, 'fit.max_samples': 60, 'fit.iterations': 3, 'fit.kernel': 'lip'}
     settings = flatten(Config()) | cheap

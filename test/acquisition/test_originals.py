@@ -26,7 +26,6 @@ START = 1_795_285_693_174_866_896
 
 @st.composite
 def messages(draw: st.DrawFn) -> JointMessage:
-    """Return what a driver may publish of an arm, with a gripper or without, in any order."""
     names = draw(st.permutations([*ARM, *draw(st.lists(st.sampled_from('xyzé'), unique=True))]))
     n = len(names)
     numbers = st.lists(st.floats(-1e6, 1e6), min_size=n, max_size=n)
@@ -38,7 +37,6 @@ def messages(draw: st.DrawFn) -> JointMessage:
 
 
 def recorded(stream: list[JointMessage]) -> tuple[Recorder, list[JointMessage]]:
-    """Return a recorder, and what it took at last."""
     recorder = Recorder(ARM, max_rows=10_000)
     recorder.recording = True
     taken = [message for message in stream if recorder.add(message) is None]
@@ -46,7 +44,6 @@ def recorded(stream: list[JointMessage]) -> tuple[Recorder, list[JointMessage]]:
 
 
 def kept(recorder: Recorder, folder: str | Path) -> list[JointMessage]:
-    """Return the messages of all bags that were kept."""
     found: list[JointMessage] = []
     for path in recorder.keep_unsaved(str(Path(folder) / 'kept.mcap'), '/joint_states'):
         with Bag(path) as bag:
@@ -76,7 +73,6 @@ def assert_same(found: list[JointMessage], expected: list[JointMessage]) -> None
 def test_a_kept_bag_has_each_message_as_it_came(
     large_bytes: int, stream: list[JointMessage]
 ) -> None:
-    """In memory, and on disk."""
     stream.sort(key=lambda message: message.stamp_ns)
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
         patch.setattr(spill, 'LARGE_BYTES', large_bytes)

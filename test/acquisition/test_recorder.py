@@ -144,7 +144,6 @@ def test_an_earlier_bag_is_never_overwritten(tmp_path: Path) -> None:
 
 
 def test_recorders_that_keep_at_the_same_time_keep_all(tmp_path: Path) -> None:
-    """Both found the same name free, and the second bag took the place of the first."""
     path, meeting = str(tmp_path / 'unsaved.mcap'), threading.Barrier(2, timeout=60.0)
 
     def keep(n_rows: int) -> list[Path]:
@@ -166,7 +165,6 @@ def test_recorders_that_keep_at_the_same_time_keep_all(tmp_path: Path) -> None:
 def test_unsaved_samples_are_kept_where_the_path_names_no_file(
     path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With a name that is too long for any folder all were lost."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr('tempfile.tempdir', str(tmp_path))
     monkeypatch.setenv('HOME', str(tmp_path))

@@ -29,7 +29,6 @@ def samples(n_samples: int, start_s: int = 1000) -> JointSamples:
 
 
 def keep(path: Path, samples: JointSamples) -> Path:
-    """Write a bag of samples."""
     signals = samples.position, samples.velocity, samples.effort
     known = '/states', samples.joint_names, samples.t, *signals, samples.start_ns
     return recording_file.keep(path, JointStateTrack(*known))

@@ -25,14 +25,11 @@ fit:
 
 
 def lip_id(*arguments: object) -> None:
-    """Run the command line, which must succeed."""
     assert main([str(argument) for argument in arguments]) == 0
 
 
 @dataclass(frozen=True)
 class Workshop:
-    """Files that the tests read, and must not change."""
-
     bag: Path
     other_bag: Path
     settings: Path
@@ -59,6 +56,5 @@ def furnish(folder: Path) -> None:
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty folder, which is also the current one."""
     monkeypatch.chdir(tmp_path)
     return tmp_path

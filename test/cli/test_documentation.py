@@ -23,14 +23,12 @@ PAGE = (REFERENCE / 'interfaces.md').read_text(encoding='utf-8')
 
 
 def section(title: str) -> str:
-    """Return the text from a heading to the next."""
     _, _, rest = PAGE.partition(f'# {title}\n')
     assert rest, f'no section {title}'
     return re.split(r'^#+ ', rest, maxsplit=1, flags=re.MULTILINE)[0]
 
 
 def named(text: str) -> set[str]:
-    """Return what stands in the first column of tables."""
     return {
         name
         for row in re.findall(r'^\| (`.*?) \|', text, flags=re.MULTILINE)

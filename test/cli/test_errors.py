@@ -25,7 +25,6 @@ FIT = ('fit', 'SOURCE', '-o', 'out.npz')
 
 
 def bag(path: Path, **signals: Any) -> None:
-    """Write a bag of the pendulums with some signals taken away or changed."""
     data = swing(1, rate=50.0)
     given = {'position': data.q, 'velocity': data.dq, 'effort': data.tau, **signals}
     write_bag_folder(path, [JointStateTrack('/joint_states', data.joint_names, data.t, **given)])
@@ -66,9 +65,6 @@ SOURCES: dict[str, tuple[Callable[[Path], object], str]] = {
 
 ARRAYS: dict[str, tuple[dict[str, Any], str]] = {
     'no torque': ({'tau': None}, 'tau is missing'),
-    'other length': ({'dq': np.zeros((7, 3))}, r'dq must have shape \(400, 3\)'),
-    'not a number': ({'tau': np.full((400, 3), np.nan)}, 'tau must be finite'),
-    'text': ({'q': np.array([['a'] * 3] * 400)}, 'q must hold numbers'),
     'few samples': (
         {name: np.random.default_rng(0).normal(size=(4, 3)) for name in ('q', 'dq', 'ddq', 'tau')},
         'at least 10 samples',
@@ -77,12 +73,8 @@ ARRAYS: dict[str, tuple[dict[str, Any], str]] = {
 }
 
 SETTINGS: dict[str, tuple[str, str]] = {
-    'wrong section': ('fitting: {}', "fitting in .*arm.yaml is not a setting; did you mean 'fit'"),
     'wrong key': ('fit: {kernal: lip}', "fit.kernal in .*arm.yaml .* did you mean 'kernel'"),
-    'wrong type': ('fit: {subset: many}', 'fit.subset in .*arm.yaml must be a whole number'),
-    'out of range': ('preprocessing: {cutoff_hz: -1}', r'preprocessing.cutoff_hz .* >= 0'),
     'not YAML': ('fit: [', 'arm.yaml is not readable YAML'),
-    'unknown kernel': ('fit: {kernel: magic}', 'fit.kernel in .*lip or recursive'),
     'wrong topic': ('recording: {topic: /elsewhere}', "recording.topic .* not '/elsewhere'"),
     'unknown joint': ('recording: {joints: [knee]}', 'knee'),
     'scale per joint': ('recording: {effort_scale: [1.0, 2.0]}', 'effort_scale .*3'),
@@ -153,13 +145,6 @@ def test_a_bag_without_joint_states(here: Path, capsys: Capture) -> None:
     check(failure(list(FIT), capsys), r'SOURCE must have a topic of sensor_msgs/msg/JointState')
 
 
-@pytest.mark.parametrize('suffix', ['.db3', '.mcap', '.bag', '.npz', '.txt'])
-def test_a_file_that_is_something_else(suffix: str, here: Path, capsys: Capture) -> None:
-    (here / f'noise{suffix}').write_bytes(bytes(range(256)) * 8)
-    check(failure(['dataset', f'noise{suffix}', '-o', 'out.npz'], capsys), f'noise{suffix}')
-    assert len(list(here.iterdir())) == 1
-
-
 MODEL_VERBS = (
     ('evaluate', 'MODEL', 'BAG', '--json', 'out.json', '--report', 'report'),
     ('predict', 'MODEL', 'BAG', '-o', 'out.npz'),
@@ -176,26 +161,12 @@ def damage(path: Path) -> None:
     path.write_bytes(content)
 
 
-def truncate(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[:1000])
-
-
-def foreign(path: Path) -> None:
-    npz(path.with_suffix('.npz'))
-    path.with_suffix('.npz').replace(path)
-
-
-def newer(path: Path) -> None:
-    arrays, header = read_npz(path)
-    write_npz(path, arrays, {**header, 'version': 999})
-
-
 def lacking(path: Path) -> None:
     arrays, header = read_npz(path)
     write_npz(path, arrays, {'schema': header['schema'], 'version': header['version']})
 
 
-@pytest.mark.parametrize('spoil', [damage, truncate, foreign, newer, lacking, Path.unlink])
+@pytest.mark.parametrize('spoil', [damage, lacking, Path.unlink])
 @pytest.mark.parametrize('command', MODEL_VERBS, ids=lambda command: command[0])
 def test_models(
     command: tuple[str, ...],

@@ -18,7 +18,6 @@ Capture = pytest.CaptureFixture[str]
 
 @pytest.fixture(scope='module')
 def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Bags of two pendulums, one of them damaged."""
     folder = tmp_path_factory.mktemp('fleet')
     for seed in range(4):
         bag = folder / f'robot{seed % 2}' / f'run{seed}'

@@ -6,9 +6,11 @@ from dataclasses import replace
 import io
 import json
 from pathlib import Path
+import re
 from typing import Any
 
 from cli.conftest import lip_id, Workshop
+from gp.arms import dataset_of, noise_of, random_motion, TwoLinks
 from model.models import random_model
 import numpy as np
 import pytest
@@ -18,8 +20,12 @@ from simulation.pendulums import swing
 from lip_id_ros.cli import main, output, show
 from lip_id_ros.cli.main import one_line
 from lip_id_ros.errors import DataError
+from lip_id_ros.escaping import for_page, printable
 from lip_id_ros.evaluation import fit_cautions
+from lip_id_ros.export.kinematics import model_kinematics
+from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.simulation import write_bag
 
 Capture = pytest.CaptureFixture[str]
 
@@ -195,3 +201,98 @@ def test_what_a_model_says_of_its_fit_is_shown_or_refused(
             if main(['inspect', 'm.npz']) == 1:
                 error = capsys.readouterr().err
                 assert 'm.npz says it is a model but lacks or contradicts' in error, (key, old)
+
+
+NAMES = ('arm[/red]left', 'a$\\frac{$', '\x1b[31m<b>wrist')
+
+
+@pytest.fixture
+def bag(here: Path) -> str:
+    write_bag(here / 'bag', replace(swing(1, rate=50.0), joint_names=NAMES))
+    return 'bag'
+
+
+@pytest.mark.slow
+def test_names_are_data_everywhere(
+    workshop: Workshop, bag: str, here: Path, capsys: Capture
+) -> None:
+    for arguments in (
+        ('inspect', bag, '--report', 'health'),
+        ('fit', bag, '-o', 'm.npz', '--config', str(workshop.settings)),
+        ('inspect', 'm.npz'),
+        ('evaluate', 'm.npz', bag, '--report', 'report'),
+    ):
+        capsys.readouterr()
+        assert main(arguments) == 0, arguments
+        text = capsys.readouterr().out
+        assert all(printable(name) in text for name in NAMES), arguments
+        assert '\x1b' not in text
+    for page in (here / 'health', here / 'report'):
+        html = (page / 'index.html').read_text(encoding='utf-8')
+        assert all(for_page(name) in html.replace('<wbr>', '') for name in NAMES)
+        assert '<b>wrist' not in html
+
+
+def test_an_error_shows_names_without_their_effects(bag: str, capsys: Capture) -> None:
+    assert main(['dataset', bag, '-o', 'a.npz', '--joints', 'none\x1b[2J']) == 1
+    error = capsys.readouterr().err
+    assert '\x1b' not in error
+    assert r'\x1b[2J' in error
+
+
+LENGTH = 1
+
+
+def run(*arguments: str | Path) -> None:
+    assert main([str(argument) for argument in arguments]) == 0
+
+
+@pytest.mark.slow
+def test_a_fit_tells_the_length_of_a_link(tmp_path: Path, capsys: Capture) -> None:
+    """The planar arm has parallel axes, half a metre apart."""
+    arm = TwoLinks(length=0.5)
+    motion = random_motion(arm, 200, seed=4)
+    tau = arm.torque(*motion)
+    dataset_of(arm, motion, tau + noise_of(tau, 0.001)).save(tmp_path / 'arm.npz')
+    run('fit', tmp_path / 'arm.npz', '-o', tmp_path / 'model.npz')
+    output = ' '.join(capsys.readouterr().out.split())
+    assert 'articulated kernel' in output
+    assert re.search(r' 0\.(49[89]|50[01])\d ± 0\.0', output)
+    assert 'a Gaussian process would not improve it' in output
+
+    run('inspect', tmp_path / 'model.npz')
+    output = ' '.join(capsys.readouterr().out.split())
+    assert re.search(r' 0\.(49[89]|50[01])\d ± 0\.0', output)
+
+
+def test_processes_beside_links_are_named(tmp_path: Path, capsys: Capture) -> None:
+    random_model('articulated').save(tmp_path / 'model.npz')
+    run('inspect', tmp_path / 'model.npz')
+    output = ' '.join(capsys.readouterr().out.split())
+    assert 'The model has Gaussian processes beside links and friction at joint_1' in output
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(('noise', 'identified'), [(0.001, True), (3.0, False)])
+def test_noise_decides_what_is_identified(noise: float, identified: bool) -> None:
+    arm = TwoLinks(length=0.5)
+    motion = random_motion(arm, 200, seed=4)
+    tau = arm.torque(*motion)
+    model = fit(dataset_of(arm, motion, tau + noise_of(tau, noise)))
+    kinematics = model_kinematics(model)
+    assert kinematics is not None
+    assert kinematics.identified[1, LENGTH] == identified
+    if identified:
+        length, std = kinematics.values[1, LENGTH], kinematics.std[1, LENGTH]
+        assert length == pytest.approx(0.5, abs=3.0 * std)
+
+
+@pytest.mark.slow
+def test_an_elected_length_keeps_its_deviation() -> None:
+    arm = TwoLinks(length=0.0)
+    motion = random_motion(arm, 200, seed=4)
+    tau = arm.torque(*motion)
+    model = fit(dataset_of(arm, motion, tau + noise_of(tau, 0.001)))
+    report = model.summary['denavit_hartenberg']
+    assert report['length_std_m'][1] > 0.0
+    assert '-0.0' not in [str(number) for numbers in report.values() for number in numbers]

@@ -308,7 +308,6 @@ def test_an_output_is_replaced_by_its_own_kind_and_with_force_by_any(
 
 
 def test_dataset_tells_rows_that_were_dropped(here: Path, capsys: Capture) -> None:
-    """As of a logger that writes whole seconds."""
     t = np.arange(3000) / 100.0
     t[15:2985] = 15.0
     rows = np.column_stack([t, np.sin(t), np.sin(3.0 * t), np.cos(t), np.cos(3.0 * t)])

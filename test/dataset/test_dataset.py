@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from lip_id_ros.dataset import concatenate, Dataset
+from lip_id_ros.dataset import concatenate, cutoffs_hz, Dataset
 from lip_id_ros.dataset.subsets import contiguous_cuts
 from lip_id_ros.errors import DataError, ShapeError
 
@@ -275,3 +275,25 @@ def test_a_block_ends_with_a_segment_that_ends_near() -> None:
 def test_split_refuses_what_is_no_number(fraction: Any) -> None:
     with pytest.raises(DataError, match=r'^the share of a split must be a number, not '):
         dataset().split(fraction)
+
+
+def source(cutoff_hz: object, **more: object) -> dict[str, Any]:
+    return {'preprocessing': {'cutoff_hz': cutoff_hz}, **more}
+
+
+@pytest.mark.parametrize(
+    ('sources', 'expected'),
+    [
+        ([], {None}),
+        ([source(4.0), source(6.0)], {4.0, 6.0}),
+        ([source(4.0, filtered=False)], {0.0}),
+        (['simulation', source(4.0)], {None, 4.0}),
+        ([source('auto'), {'preprocessing': 3}, {}], {None}),
+    ],
+)
+def test_cutoffs(sources: list[object], expected: set[float | None]) -> None:
+    assert cutoffs_hz({'sources': sources}) == expected
+
+
+def test_no_provenance() -> None:
+    assert cutoffs_hz({}) == {None}

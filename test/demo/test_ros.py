@@ -71,7 +71,6 @@ def moved() -> tuple[Dataset, Dataset]:
 
 
 def served_messages(exact: Dataset, measured: Dataset) -> dict[str, list[Any]]:
-    """Return what goes over the graph where `serve` knows the truth."""
     assert exact.tau_noiseless is not None
     assert exact.kinetic is not None
     assert exact.potential is not None

@@ -41,7 +41,6 @@ def joint(name: str, limit: str) -> str:
 
 @given(st.dictionaries(st.sampled_from('abcdef'), EFFORTS, min_size=1), st.data())
 def test_each_joint_has_its_own_by_name(efforts: dict[str, float], data: st.DataObject) -> None:
-    """Joints of transmissions and of ros2_control have the same names."""
     joints = [joint(name, f'<limit effort="{effort!r}"/>') for name, effort in efforts.items()]
     others = (f'<{tag}>{joint("a", "<limit/>")}</{tag}>' for tag in ('transmission', 'x'))
     asked = data.draw(st.permutations(list(efforts)))

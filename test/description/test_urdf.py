@@ -131,7 +131,6 @@ def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
 
 
 def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
-    """A pipe would block for ever, a device would never end."""
     os.mkfifo(tmp_path / 'pipe')
     for source in (tmp_path / 'pipe', '/dev/zero', tmp_path):
         with pytest.raises(SourceError, match='must be a regular file'):

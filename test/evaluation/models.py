@@ -16,11 +16,9 @@ QUICK = FitSettings(kernel='recursive', subset=25, max_samples=50, iterations=10
 
 @cache
 def training() -> Dataset:
-    """Return the motion that the model is fitted on."""
     return swing(1)
 
 
 @cache
 def small_model() -> InverseDynamicsModel:
-    """Return a model of the pendulums."""
     return fit(training(), QUICK)

@@ -222,7 +222,6 @@ def test_the_suffix_chooses_the_format() -> None:
 def test_a_bag_reaches_the_disk_before_its_name_and_its_name_before_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A robot that was switched off lost its bag."""
     synced, sync = [], os.fsync
 
     def noted(descriptor: int) -> None:

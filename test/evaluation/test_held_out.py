@@ -9,8 +9,8 @@ import pytest
 from simulation.pendulums import swing
 
 from lip_id_ros.evaluation import evaluate
-from lip_id_ros.evaluation.held_out import judged
 from lip_id_ros.model.proof import missing_proof
+from lip_id_ros.workflow.fit import judged
 
 
 def test_errors_on_held_out_samples_are_in_the_model() -> None:

@@ -15,10 +15,10 @@ from lip_id_ros.cli import main
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.errors import DataError
-from lip_id_ros.evaluation.forward_dynamics import ForwardDynamics
 from lip_id_ros.evaluation.rollout import (
     FEEDBACK,
     floor,
+    nominal_arm,
     roll_out,
     Rollout,
     rollout_cautions,
@@ -30,6 +30,7 @@ from lip_id_ros.export.urdf import rotor_inertias, to_urdf
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.friction.terms import Presliding
+from lip_id_ros.model.forward_dynamics import ForwardDynamics
 from lip_id_ros.simulation import panda as simulated_panda
 from lip_id_ros.simulation import SinusoidTrajectory, write_bag
 from lip_id_ros.simulation.arm import MOTION, panda_urdf
@@ -135,7 +136,6 @@ def test_torques_are_those_that_give_the_accelerations() -> None:
 
 
 def test_the_floor_is_the_error_of_exact_torques() -> None:
-    """It grows as samples are left out, whatever the measured torques are."""
     arm = arm_with(0.2)
     data = recorded(arm)
     wrong = replace(data, tau=0.9 * data.tau)
@@ -189,7 +189,6 @@ def test_links_without_inertia_are_refused() -> None:
 def test_the_very_arm_of_a_recording_follows_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Though a fit gets few of its samples: windows are simulated with all of them."""
     monkeypatch.chdir(tmp_path)
     arm = arm_with(0.2)
     model_of(arm).save('arm.npz')
@@ -236,6 +235,6 @@ def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_nominal_arm_without_gravity() -> None:
     names = tuple(f'panda_joint{i + 1}' for i in range(N))
     description = load_description(panda_urdf(), names, ('revolute',) * N)
-    assert not ForwardDynamics.nominal(description, gravity_compensated=True).chain.gravity.any()
-    assert ForwardDynamics.nominal(description, gravity_compensated=False).chain.gravity[2] < -9.0
+    assert not nominal_arm(description, gravity_compensated=True).chain.gravity.any()
+    assert nominal_arm(description, gravity_compensated=False).chain.gravity[2] < -9.0
     assert simulated_panda().joint_names == names

@@ -15,8 +15,6 @@ from lip_id_ros.model import Prediction, Query
 
 
 class Clock:
-    """Goes on where a call takes time."""
-
     def __init__(self) -> None:
         self.now = 0.0
 
@@ -28,8 +26,6 @@ class Clock:
 
 
 class Sleeper(Knowing):
-    """Takes a known time for a query and for a batch."""
-
     def __init__(self, clock: Clock) -> None:
         super().__init__()
         self.wait = clock.wait

@@ -104,7 +104,6 @@ def test_two_recordings_that_begin_at_rest_are_not_one() -> None:
 
 
 def test_a_data_set_is_known_by_one_sketch_however_many_sources_it_has(tmp_path: Path) -> None:
-    """Also where it has none, and after it was saved and loaded again."""
     some = [{'source': 'a'}, {'source': 'b'}]
     for provenance in ({}, {'sources': ['a']}, {'sources': some}):
         replace(swing(1), provenance=provenance).save(tmp_path / 'a.npz')

@@ -43,13 +43,11 @@ def random_limits(rng: np.random.Generator, n_joints: int) -> JointLimits:
 
 
 def random_posture(rng: np.random.Generator, limits: JointLimits) -> Array:
-    """Draw a posture, now and then close to a limit of position."""
     share = rng.beta(0.5, 0.5, len(limits.lower))
     return limits.lower + np.clip(share, 0.01, 0.99) * (limits.upper - limits.lower)
 
 
 def random_motions(rng: np.random.Generator) -> tuple[JointLimits, LimitedMotions]:
-    """Draw limits, and the motions of some length and number of harmonics within them."""
     limits = random_limits(rng, int(rng.integers(1, 8)))
     duration, harmonics = rng.uniform(0.2, 2.0), int(rng.integers(2, 13))
     posture = random_posture(rng, limits)

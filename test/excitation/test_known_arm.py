@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from excitation.cases import random_limits
 import numpy as np
 import pytest
 from rigid_body.arms import ARMS, random_bodies, random_chain
 
-from lip_id_ros.excitation.expected_error import ExpectedError
+from lip_id_ros.arrays import Array
+from lip_id_ros.excitation.expected_error import ExpectedError, MeanCriterion, States
 from lip_id_ros.excitation.known_arm import KnownArm
+from lip_id_ros.excitation.unknown_arms import unknown_arm, UnknownArm
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.friction.terms import Coulomb, LoadCoulomb, LoadViscous, Offset, Stribeck, Viscous
+from lip_id_ros.joint_types import PRISMATIC, REVOLUTE
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body.regressor_pullback import placement_pullback
 from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
@@ -20,7 +24,6 @@ WIDTH = 0.3
 
 
 def posterior(arm: str, rng: np.random.Generator, loaded: bool) -> ArmPosterior:
-    """Draw an arm with friction, and a covariance of all its coordinates."""
     n = len(arm)
     chain = random_chain(arm, rng)
     chain = chain._replace(
@@ -87,3 +90,51 @@ def test_gradients_of_the_criterion_are_those_of_differences(arm: str, loaded: b
         np.testing.assert_allclose(
             np.sum(gradient * direction), (ahead - back) / (2.0 * h), rtol=1e-4, atol=1e-6
         )
+
+
+TYPES = (REVOLUTE, PRISMATIC, REVOLUTE, REVOLUTE)
+
+
+def arm_and_states(seed: int) -> tuple[UnknownArm, States, Array]:
+    rng = np.random.default_rng(seed)
+    targets = rng.standard_normal((3, 60, len(TYPES)))
+    arm = unknown_arm(random_limits(rng, len(TYPES)), TYPES, tuple(targets), rng)
+    return arm, (targets[0], targets[1], targets[2]), rng.standard_normal((3, 20, len(TYPES)))
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_the_share_that_is_left_is_that_of_bayes(seed: int) -> None:
+    """Conditioning a covariance on measurements, without roots."""
+    arm, targets, states = arm_and_states(seed)
+    found = ExpectedError(arm, targets, 60.0, 20).shares(*states)
+
+    prior = arm.root @ arm.root.T
+    rows = np.repeat(arm.jacobian(*states), 3, axis=0).reshape(-1, len(prior))
+    noise = np.diag(np.tile(arm.noise**2, 60))
+    gain = np.linalg.solve(rows @ prior @ rows.T + noise, rows @ prior).T
+    after = prior - gain @ rows @ prior
+    at = arm.jacobian(*targets)
+    left = np.einsum('tjp,pr,tjr->j', at, after, at)
+    before = np.einsum('tjp,pr,tjr->j', at, prior, at)
+    np.testing.assert_allclose(found, left / before, rtol=1e-5)
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_gradients_are_those_of_differences(seed: int) -> None:
+    arm, targets, states = arm_and_states(seed)
+    criterion = MeanCriterion(
+        [ExpectedError(arm, targets, measurements, 20) for measurements in (30.0, 900.0)]
+    )
+    value, gradient = criterion(*states)
+    direction = np.random.default_rng(9).standard_normal(states.shape)
+    h = 1e-6
+    ahead, back = (criterion(*(states + sign * h * direction))[0] for sign in (1, -1))
+    assert back < value < ahead or ahead < value < back
+    np.testing.assert_allclose(np.sum(gradient * direction), (ahead - back) / (2.0 * h), rtol=2e-5)
+
+
+def test_more_measurements_leave_less() -> None:
+    arm, targets, states = arm_and_states(0)
+    few, many = (ExpectedError(arm, targets, m, 20).shares(*states) for m in (20.0, 200.0))
+    assert np.all(many < few)
+    assert np.all(few < 1.0)

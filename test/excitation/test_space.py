@@ -37,7 +37,6 @@ def random_space(seed: int, settings: SpaceSettings = BOXES) -> tuple[Space, Cha
 
 
 def walked(chain: Chain, tool: Array, q: Array) -> Array:
-    """Return the places by one transform after another."""
     place, points = np.eye(4), []
     for j in range(len(q)):
         rest = np.eye(4)

@@ -70,7 +70,6 @@ def every_friction(n: int, rng: np.random.Generator) -> FrictionModel:
 
 
 def describe(name: str, chain: Chain, links: Array, seed: int = 0) -> ArmDescription:
-    """Add friction of all kinds."""
     n, rng = len(links), np.random.default_rng(seed)
     reach = np.where(chain.prismatic, 0.4, 2.5)
     return ArmDescription(
@@ -86,7 +85,6 @@ def describe(name: str, chain: Chain, links: Array, seed: int = 0) -> ArmDescrip
 
 
 def panda() -> ArmDescription:
-    """Return the simulated Panda, its fingers locked, with rotors."""
     import pinocchio
 
     model = pinocchio.buildModelFromXML(panda_urdf().read_text(encoding='utf-8'))
@@ -96,7 +94,6 @@ def panda() -> ArmDescription:
 
 
 def random_arm(kinds: str, seed: int = 0) -> ArmDescription:
-    """Return an arm of revolute (R) and prismatic (P) joints anywhere."""
     rng = np.random.default_rng(seed)
     chain = random_chain(kinds, rng)
     return describe(f'arm_{kinds}', chain, random_bodies(len(kinds), rng), seed)
@@ -111,14 +108,12 @@ def coupled_arm() -> ArmDescription:
 
 
 def arm_of(name: str) -> ArmDescription:
-    """Return an arm by name."""
     if name == COUPLED:
         return coupled_arm()
     return panda() if name == 'panda' else random_arm(name)
 
 
 def model_of(arm: ArmDescription) -> InverseDynamicsModel:
-    """Return a model that knows an arm exactly."""
     n = arm.n_joints
     coordinates = 17 * n + arm.friction.basis.size
     low = np.stack([arm.ranges.q_min, -arm.ranges.dq_max, -arm.ranges.ddq_max])

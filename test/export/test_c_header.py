@@ -51,8 +51,6 @@ double potential(const double *q) {{ return {name}_potential_energy(q); }}
 
 
 class Compiled:
-    """The functions of a header."""
-
     def __init__(self, arm: ArmDescription, folder: Path) -> None:
         (folder / 'arm.h').write_text(to_c_header(arm))
         (folder / 'arm.c').write_text(EXPORTED.format(name=arm.name, n=arm.n_joints))

@@ -68,7 +68,6 @@ def test_an_arm_without_gravity_stays_one(name: str) -> None:
 @EACH_FORMAT
 @pytest.mark.parametrize('what', ['mass', 'rotor', 'coefficient', 'origin'])
 def test_a_wrong_file_is_found(name: str, what: str) -> None:
-    """The check does not compare a file with itself."""
     arm = random_arm('RRR')
     links, chain = arm.links.copy(), arm.chain
     coefficients = arm.friction.coefficients.copy()
@@ -135,7 +134,6 @@ def test_the_check_says_how_much_friction_a_file_lacks(name: str) -> None:
 
 @EACH_FORMAT
 def test_gravity_is_said_where_there_is_some(name: str) -> None:
-    """Other programs begin with 9.81."""
     arm = random_arm('RR')
     chain = arm.chain._replace(gravity=np.zeros(3))
     floating = replace(arm, chain=chain)

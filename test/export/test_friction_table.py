@@ -47,5 +47,4 @@ def test_values_and_deviations_are_those_of_the_posterior() -> None:
 
 
 def owner(part: DriveTerm) -> int:
-    """Return the joint that has the coefficients of a term in the table."""
     return part.drive.efforts[0][0]

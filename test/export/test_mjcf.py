@@ -67,7 +67,6 @@ def test_tendons_of_coupled_positions() -> None:
 
 
 def test_it_can_be_simulated() -> None:
-    """A second of falling from rest, with friction."""
     model = compiled(to_mjcf(random_arm('RRR')))
     data = mujoco.MjData(model)
     for _ in range(500):

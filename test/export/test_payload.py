@@ -43,7 +43,6 @@ def motion() -> Dataset:
 
 
 def known(point: Array | None = None) -> LoadedArm:
-    """Return an arm with a body, both uncertain."""
     described = model_of(arm())
     assert described.arm is not None
     rng = np.random.default_rng(0)

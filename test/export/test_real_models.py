@@ -48,7 +48,6 @@ def fitted(data: Dataset, description: RobotDescription) -> InverseDynamicsModel
 @pytest.mark.skipif(not any(map(shutil.which, COMPILERS)), reason='needs a C compiler')
 @pytest.mark.parametrize('name', ['UR10', 'Panda, 30 Hz', 'TIAGo'])
 def test_all_formats_give_the_torques_of_the_model(name: str, shared_data: Path) -> None:
-    """The last one has a prismatic torso."""
     arm = ARMS[name]
     data = concatenate(arm.datasets(shared_data))
     rows = np.linspace(0, data.n_samples - 1, SAMPLES).astype(np.intp)

@@ -25,7 +25,6 @@ CONFIG = HERE.parents[1] / 'config'
 
 
 def test_urdfdom_reads_it(tmp_path: Path) -> None:
-    """It refuses a bad file."""
     program = built(HERE / 'parse_urdf.cpp', tmp_path, 'urdfdom_model')
     text, file = to_urdf(random_arm('RPRRRRR')), tmp_path / 'arm.urdf'
     for content, status in ((text, 0), (text.replace('type=', 'kind='), 1)):

@@ -70,7 +70,6 @@ def test_the_header_has_remarks_and_the_table() -> None:
 
 
 def test_links_can_exist() -> None:
-    """Inertias about the centre of mass: positive, and no moment larger than the two others."""
     model = pinocchio.buildModelFromXML(to_urdf(random_arm('RPRPRR')))
     for body in list(model.inertias)[1:]:
         a, b, c = np.linalg.eigvalsh(body.inertia)

@@ -26,7 +26,6 @@ EXAMPLE = Path(__file__).resolve().parents[2] / 'docs' / 'examples' / 'computed_
 
 @pytest.fixture(scope='module')
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Fit a Panda of three joints, with friction and some noise."""
     friction = JointFriction(np.full(3, 0.5), np.full(3, 0.3), 0.05)
     training, _ = runs(3, 200, friction, noise=0.01)
     path = tmp_path_factory.mktemp('export') / 'panda3.npz'
@@ -97,7 +96,6 @@ def test_what_is_refused(
 def test_the_template_is_never_replaced(
     model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """An arm exported before may be the template of a fit."""
     urdf = str(tmp_path / 'arm.urdf')
     assert main(['export', str(model), '--urdf', urdf]) == 0
     before = (tmp_path / 'arm.urdf').read_bytes()
@@ -128,7 +126,6 @@ def test_a_model_without_links_is_refused(
 
 
 def test_files_say_what_they_stand_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A payload, currents for efforts, and efforts without gravity."""
     monkeypatch.chdir(tmp_path)
     described = random_arm('RR')
     chain = described.chain._replace(gravity=np.zeros(3))

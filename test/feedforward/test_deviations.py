@@ -149,7 +149,6 @@ def test_a_process_that_cannot_begin_is_an_error(tmp_path: Path) -> None:
 def test_a_process_that_never_begins_is_not_waited_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its start takes longer than this; without an end to the wait, the node could not end."""
     monkeypatch.setattr('lip_id_ros.feedforward.deviations.LONGEST_START_S', 1e-3)
     path = str(tmp_path / 'model.npz')
     random_model('recursive').save(path)

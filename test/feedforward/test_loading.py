@@ -111,7 +111,6 @@ def test_settings_are_compared_with_the_arm_or_the_named_joints(settings: ServeS
 
 
 def test_a_model_without_gravity_is_for_robots_that_add_their_own() -> None:
-    """A reload of one took the torque from 5.2 to 0 N m, and the safe torque of an arm to zero."""
     compensated = replace(arm(), model=Sum(has_potential=False))
     require_rules(ServeSettings(gravity=False), compensated)
     require_rules(ServeSettings(), arm())

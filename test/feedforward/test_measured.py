@@ -40,7 +40,6 @@ def message(number: int, names: tuple[str, ...] = ('b', 'tool', 'a')) -> JointMe
 
 
 def read(followed: MeasuredArm, number: int) -> MeasuredState:
-    """Read a message as long after the first as its stamp is."""
     return followed.read(message(number), number * STEP_S)
 
 

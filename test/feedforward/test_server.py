@@ -170,7 +170,6 @@ def test_a_silent_stream_gets_a_safe_torque_and_comes_back_by_a_ramp() -> None:
 
 
 def test_a_stream_that_begins_late_is_ramped_in_all_the_same() -> None:
-    """From a call on, the ramp was over before a planner was ready: the whole torque at once."""
     server = serving(ramp_s=0.1)
     for begun in (100.0, 200.0, 300.0):
         np.testing.assert_allclose(server.sample(NAMES, [POINT], begun).tau, 0.0)
@@ -187,7 +186,6 @@ def test_a_stream_that_begins_late_is_ramped_in_all_the_same() -> None:
 def test_refused_references_do_not_hold_a_torque(
     refused: tuple[list[float], list[float], list[float]],
 ) -> None:
-    """Each began the ramp to the safe torque anew: a planner of NaN kept the arm at its last."""
     server = serving(stale_timeout_s=0.5, safe_ramp_s=0.1, range_policy='off')
     server.sample(NAMES, [POINT], 0.0)
     for tick, share in enumerate([1.0, 0.8, 0.6, 0.4, 0.2, 0.0, 0.0, 0.0]):
@@ -239,7 +237,6 @@ def test_the_safe_torque_of_gravity_stays_where_the_arm_was_measured_and_ramps_e
 
 
 def test_the_rate_counts_from_a_zero_that_was_published() -> None:
-    """It was forgotten there: 5 N m at once at 100 N m/s."""
     server = serving(rate_limits=[100.0])
     for now in np.arange(0.0, 1.0, 0.01):
         server.sample(NAMES, [POINT], float(now))

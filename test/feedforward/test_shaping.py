@@ -16,11 +16,12 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.feedforward.settings import (
     make_rules,
+    Policy,
     require_bounded,
     ServeSettings,
     unbounded,
 )
-from lip_id_ros.feedforward.shaping import Shaper, TrainingRange
+from lip_id_ros.feedforward.shaping import factors, Shaper, std_excess, TrainingRange
 from lip_id_ros.signals.joints import by_joint, RefusedError
 from lip_id_ros.signals.torque_steps import LONGEST_STEP_S, Sent
 
@@ -41,12 +42,10 @@ def shaper(counts: Counter[str] | None = None, **settings: Any) -> Shaper:
 
 
 def sampled(stream: Shaper, tau: Array, now: float) -> Array:
-    """Shape a torque for a state within the training range."""
     return stream.sample(tau, now, STILL, None)
 
 
 def planned(stream: Shaper, tau: Array, t: Array) -> Array:
-    """Shape the torques of a plan within the training range."""
     return stream.plan(tau, t, np.zeros((3, *tau.shape)))
 
 
@@ -102,7 +101,6 @@ def test_a_ramp_leads_from_what_was_sent_to_what_is_asked() -> None:
 
 
 def test_a_pause_is_no_step_of_the_ramp() -> None:
-    """Without rate limits, a hiccup in mid-ramp led to the whole torque in one message."""
     stream = shaper(ramp_s=0.5)
     stream.begin()
     asked = np.array([80.0, -8.0, 1.0])
@@ -225,3 +223,48 @@ def test_limits_of_an_active_node_are_changed_not_removed() -> None:
     before = make_rules(ServeSettings(torque_limits='none', rate_limits=(9.0,)), NAMES)
     with pytest.raises(ConfigError, match=r'rate_limits .*not removed'):
         require_bounded(ServeSettings(torque_limits='none'), before, NAMES)
+
+
+BOX = TrainingRange(np.array([[-1.0, 0.0]] * 3), np.array([[1.0, 4.0]] * 3))
+
+
+@given(arrays(np.float64, (3, 5, 2), elements=st.integers(-99, 99).map(lambda k: k / 10)))
+def test_excess_is_above_one_outside_and_only_there(states: Array) -> None:
+    inside = ((states >= [-1.0, 0.0]) & (states <= [1.0, 4.0])).all(axis=(0, 2))
+    excess = BOX.excess(states)
+    np.testing.assert_array_equal(excess <= 1.0 + 1e-12, inside)
+    for column in range(5):
+        assert BOX.excess(states[:, column]) == excess[column]
+
+
+def test_a_margin_widens_the_range_of_its_joint() -> None:
+    states = np.array([[0.0, 4.4], [0.0, 2.0], [0.0, 2.0]])
+    assert BOX.excess(states) == pytest.approx(1.2)
+    assert BOX.widened(np.array([0.0, 0.5])).excess(states) == pytest.approx(0.8)
+    assert BOX.widened(np.array([0.5, 0.0])).excess(states) == pytest.approx(1.2)
+
+
+def test_a_joint_that_did_not_move_may_not_move() -> None:
+    still = TrainingRange(np.full((3, 1), 0.5), np.full((3, 1), 0.5))
+    assert still.excess(np.full((3, 1), 0.5)) == 0.0
+    assert still.excess(np.full((3, 1), 0.6)) > 2.0
+
+
+def test_the_worst_joint_decides_on_the_standard_deviation() -> None:
+    assert std_excess(np.array([1.0, 6.0]), np.array([4.0, 3.0])) == 2.0
+    assert std_excess(np.array([np.inf, 1.0]), np.array([4.0, 3.0])) == np.inf
+
+
+@pytest.mark.parametrize(
+    ('policy', 'expected'),
+    [
+        (Policy.WARN, [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]),
+        (Policy.SCALE, [1.0, 1.0, 0.75, 0.0, 0.0, 0.0]),
+        (Policy.ZERO, [1.0, 1.0, 0.0, 0.0, 0.0, 0.0]),
+    ],
+)
+def test_policies(policy: Policy, expected: list[float]) -> None:
+    counts: Counter[str] = Counter()
+    excess = np.array([0.0, 1.0, 1.25, 3.0, np.inf, np.nan])
+    np.testing.assert_array_equal(factors(policy, excess, counts, 'far'), expected)
+    assert counts == {'far': 4}

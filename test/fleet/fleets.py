@@ -28,8 +28,6 @@ WIDTH = 0.05
 
 @dataclass(frozen=True)
 class FileSource:
-    """A data set on disk."""
-
     name: str
     group: str
 

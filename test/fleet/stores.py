@@ -34,7 +34,6 @@ def object_store() -> Iterator[str]:
 
 
 def upload(folder: Path, url: str) -> None:
-    """Copy a folder into a store."""
     system, root = fsspec.core.url_to_fs(url)
     for path in folder.rglob('*'):
         if path.is_file():

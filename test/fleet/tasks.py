@@ -29,7 +29,6 @@ def troubled(item: str) -> str:
 
 
 def waits(item: tuple[str, Any]) -> str:
-    """Return at once, or touch a file and wait for ever."""
     kind, place = item
     if kind == 'wait':
         Path(place).touch()

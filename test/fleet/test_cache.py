@@ -144,7 +144,6 @@ def mounted(folder: Path, *options: str) -> Iterator[None]:
 
 @pytest.fixture
 def read_only(tmp_path: Path) -> Iterator[Path]:
-    """Give a cache with an entry on a disk that cannot be written."""
     FolderCache(tmp_path)[KEY] = CONTENT
     with mounted(tmp_path, '--bind', str(tmp_path)):
         subprocess.run(['mount', '-o', 'remount,bind,ro', str(tmp_path)], check=True)

@@ -10,6 +10,7 @@ from fleet.fleets import (
     arm_of,
     FileSource,
     friction_of,
+    friction_torque,
     PlainEngine,
     recording,
     save,
@@ -30,6 +31,7 @@ from lip_id_ros.fleet.fit import fit_fleet
 from lip_id_ros.fleet.results import EXCLUDED, FAILED, FITTED, FleetResult
 from lip_id_ros.identification.fitting import fit
 from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.rigid_body.couplings import Coupling, couplings_of, rows_of
 from lip_id_ros.settings import Config, FitSettings
 
 ARM, OTHER = arm_of(), arm_of(seed=8)
@@ -41,8 +43,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.xdist_group('fleet')]
 
 
 class Fleet:
-    """Sources of a fleet, and its fit with a cache."""
-
     def __init__(self, folder: Path) -> None:
         rng = np.random.default_rng(0)
         self.folder, self.sources, self.data = folder, list[FileSource](), list[Dataset]()
@@ -250,7 +250,6 @@ def test_an_episode_of_contact_is_told_with_the_name_of_its_recording(tmp_path: 
 
 
 def test_a_recording_whose_drives_are_off_is_left_out(tmp_path: Path) -> None:
-    """Its neighbours got its friction, and the last of them an error."""
     rng = np.random.default_rng(1)
     data = [recording(ARM, friction_of(ARM, rng, 0.05), k, count=300) for k in range(5)]
     data[2] = replace(data[2], tau=0.0 * data[2].tau, tau_noiseless=None)
@@ -272,3 +271,30 @@ def test_other_kernels_are_refused(fleet: Fleet) -> None:
     config = Config(fit=FitSettings(kernel='lip'))
     with pytest.raises(ConfigError, match=r'a fit recording by recording needs fit\.kernel'):
         fit_fleet(fleet.sources, config, PlainEngine())
+
+
+TYPES = ('revolute',) * 3
+COUPLING = Coupling(2, 1, -1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group('fleet')
+@pytest.mark.parametrize('texts', [(), ('joint_2 -1 joint_1',)])
+def test_coupled_positions_of_several_recordings(texts: tuple[str, ...], tmp_path: Path) -> None:
+    serial, rng = arm_of(3, TYPES), np.random.default_rng(0)
+    arm = replace(serial, chain=serial.chain._replace(couplings=rows_of((COUPLING,))))
+    friction = friction_of(arm, rng, 0.3)
+    sources = [
+        save(recording(arm, friction, seed), tmp_path / f'{seed}.npz', f'robot {seed}')
+        for seed in range(4)
+    ]
+    model = fit_fleet(sources, Config(fit=FitSettings(coupling=texts)), PlainEngine()).model
+    assert model.arm is not None
+    assert couplings_of(model.arm.chain.couplings) == (COUPLING,)
+    test = recording(arm, friction, 99)
+    found = model.predict(test.q, test.dq, test.ddq, return_std=True)
+    tau = arm.torque(test.q, test.dq, test.ddq) + friction_torque(friction, test.dq)
+    errors = np.sqrt(np.mean((found.tau - tau) ** 2, axis=0))
+    assert (errors < 0.02 * tau.std(axis=0)).all()
+    assert found.std is not None
+    assert (np.abs(found.tau - tau) < 3.0 * found.std.tau).mean() > 0.95

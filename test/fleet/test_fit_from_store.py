@@ -62,8 +62,6 @@ def test_a_fit_from_a_store_on_ray_is_that_from_the_disk(
 
 
 class Killing(LocalEngine):
-    """Kills one of its processes as soon as an item of each pass is done."""
-
     killed = 0
 
     def map(

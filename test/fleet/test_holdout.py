@@ -81,7 +81,6 @@ def test_a_fit_with_holdout_is_one_to_the_rest_on_every_engine(tmp_path: Path) -
 
 
 def log(path: Path, data: Dataset) -> FileSource:
-    """Write positions and torques as a driver logs them."""
     columns = {'t': data.t}
     for name, signal in (('q', data.q), ('tau', data.tau)):
         columns |= {f'{name}_{k}': column for k, column in enumerate(signal.T)}

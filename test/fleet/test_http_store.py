@@ -41,8 +41,6 @@ class Server:
     url: str = ''
 
     def handler(server) -> type[BaseHTTPRequestHandler]:  # noqa: N805
-        """Return the class that answers."""
-
         class Handler(BaseHTTPRequestHandler):
             def do_HEAD(self) -> None:
                 if server.query not in self.path:
@@ -193,7 +191,6 @@ def test_addresses_are_shown_without_credentials(url: str, shown: str) -> None:
 
 
 def test_a_server_that_refuses_connections_is_named(server: Server) -> None:
-    """It is not a pattern that names nothing."""
     with socket.create_server(('127.0.0.1', 0)) as free:
         port = free.getsockname()[1]
     with pytest.raises(TransferError, match=rf'{port}/a\.mcap must be in a store .*annot connect'):

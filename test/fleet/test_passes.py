@@ -15,8 +15,6 @@ from lip_id_ros.progress import silent
 
 @dataclass(frozen=True, eq=False)
 class Square(Packable):
-    """Result of a pass."""
-
     KIND = 'square'
     value: int
 

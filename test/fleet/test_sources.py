@@ -32,7 +32,6 @@ rosbag2_bagfile_information:
 
 @pytest.fixture
 def bags(tmp_path: Path) -> Path:
-    """Two bags that are folders, a file alone, and what is none of them."""
     for name in ('arm1/run', 'arm2/run'):
         (tmp_path / name).parent.mkdir()
         write_bag(tmp_path / name, swing(0, rate=20.0), start=1.7e9)
@@ -156,7 +155,6 @@ def test_a_bag_that_is_linked_into_a_folder_is_found(bags: Path, tmp_path: Path)
 
 
 def test_a_link_has_the_fingerprint_of_its_file(bags: Path, tmp_path: Path) -> None:
-    """DVC and git-annex make their links anew at each checkout."""
     path, link = bags / 'alone.mcap', tmp_path / 'link.mcap'
     link.symlink_to(path)
     os.utime(link, ns=(1, 1), follow_symlinks=False)

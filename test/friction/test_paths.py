@@ -21,7 +21,6 @@ from lip_id_ros.joint_history import DISPLACEMENTS
 
 
 def path(seed: int, samples: int = 300, joints: int = 3) -> tuple[Array, Array, Array, Array]:
-    """Return times and a smooth motion with its derivatives."""
     rng = np.random.default_rng(seed)
     t = 0.05 * np.arange(float(samples))
     rate = rng.uniform(0.3, 3.0, (4, 1, joints))

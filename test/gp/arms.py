@@ -35,15 +35,12 @@ class Arm(ABC):
         """Return V(q), shape (N,)."""
 
     def kinetic(self, q: Array, dq: Array) -> Array:
-        """Return T(q, dq), shape (N,)."""
         return 0.5 * np.asarray(np.einsum('ti,tij,tj->t', dq, self.inertia(q), dq))
 
     def inertial(self, q: Array, ddq: Array) -> Array:
-        """Return M(q) ddq, shape (N, n)."""
         return np.asarray(np.einsum('tij,tj->ti', self.inertia(q), ddq))
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Return the torques of the motion, shape (N, n)."""
         return self.inertial(q, ddq) + self.coriolis(q, dq) + self.gravity(q)
 
 
@@ -183,7 +180,6 @@ class Slider(Arm):
 
 
 def symmetric(first: Array | float, coupling: Array | float, second: float, q: Array) -> Array:
-    """Stack 2 x 2 matrices of the given entries."""
     entries = np.empty((len(q), 2, 2))
     entries[:, 0, 0], entries[:, 1, 1] = first, second
     entries[:, 0, 1] = entries[:, 1, 0] = coupling
@@ -220,7 +216,6 @@ def dataset_of(
     tau: Array | None = None,
     gravity_compensated: bool = False,
 ) -> Dataset:
-    """Return samples of a motion, with the arm's own torques where none are given."""
     q, dq, ddq = motion
     n = len(arm.joint_types)
     return Dataset(

@@ -19,7 +19,6 @@ TYPES = (R, P, R)
 def random_kernel(
     member: str, types: tuple[str, ...], friction: bool, rng: np.random.Generator
 ) -> TorqueKernel:
-    """Return the kernel of an arm with or without friction."""
     n = len(types)
     basis = random_basis(types, rng)
     return TorqueKernel(
@@ -49,7 +48,6 @@ def random_likelihood(
 
 
 def without_gravity(likelihood: MarginalLikelihood) -> MarginalLikelihood:
-    """Return the likelihood of torques that leave gravity out."""
     kernel, like = likelihood.kernel, likelihood.like
     weights = like.weights._replace(potential_scales=np.empty(0))
     return replace(

@@ -55,7 +55,6 @@ class ChainArm(Arm):
         return np.stack([self.torque(q, still, unit) - rest for unit in units], axis=2)
 
     def motion(self, n_samples: int, seed: int) -> tuple[Array, Array, Array]:
-        """Draw q, dq, ddq, as of an arm that moves well."""
         rng = np.random.default_rng(seed)
         reach = np.where([kind == P for kind in self.joint_types], 0.3, 2.0)
         shape = (n_samples, len(self.joint_types))
@@ -67,7 +66,6 @@ class ChainArm(Arm):
 
 
 def random_arm(joint_types: tuple[str, ...], seed: int, gravity: float = 9.81) -> ChainArm:
-    """Put rigid bodies together in any way."""
     rng = np.random.default_rng(seed)
     n = len(joint_types)
     chain = Chain(
@@ -92,5 +90,4 @@ def random_body(rng: np.random.Generator) -> Array:
 
 
 def contiguous(*arrays: Array) -> tuple[Array, ...]:
-    """Return arrays as compiled functions take them."""
     return tuple(np.ascontiguousarray(x, dtype=np.float64) for x in arrays)

@@ -11,7 +11,6 @@ from lip_id_ros.model import InverseDynamicsModel
 
 
 def process_of(model: InverseDynamicsModel) -> TorquePosterior:
-    """Return the Gaussian process posterior of a model."""
     assert model.process is not None
     return model.process
 

@@ -22,7 +22,6 @@ from lip_id_ros.settings import FitSettings
 
 @cache
 def samples(n_samples: int = 40) -> Dataset:
-    """Return motions of the polar arm with a little noise."""
     arm = ARMS['polar']
     motion = random_motion(arm, n_samples, seed=0)
     tau = arm.torque(*motion)
@@ -163,7 +162,6 @@ def test_the_same_data_give_the_same_model() -> None:
 
 
 def test_a_joint_that_rests_is_no_obstacle() -> None:
-    """Nothing divides by the extent of its motion."""
     arm = ARMS['polar']
     q, dq, ddq = random_motion(arm, 40, seed=0)
     for x in (q, dq, ddq):

@@ -28,7 +28,6 @@ VISCOUS, COULOMB = np.array([0.8, 0.3]), np.array([1.5, 0.6])
 
 @cache
 def learned(name: str, member: str) -> InverseDynamicsModel:
-    """Fit on torques with noise of one part in a thousand."""
     arm = ARMS[name]
     motion = random_motion(arm, N_SAMPLES, seed=0)
     tau = arm.torque(*motion)
@@ -48,7 +47,6 @@ def assert_close(got: Array, expected: Array, size: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(('name', 'member'), CASES)
 def test_torques(name: str, member: str) -> None:
-    """Inertial, Coriolis and gravity torques, each by itself."""
     arm = ARMS[name]
     q, dq, ddq = motion = unseen(arm)
     tau = arm.torque(*motion)
@@ -70,7 +68,6 @@ def test_inertia_matrix(name: str, member: str) -> None:
 
 @pytest.mark.parametrize(('name', 'member'), CASES)
 def test_energies(name: str, member: str) -> None:
-    """The potential energy is zero at the reference positions."""
     arm = ARMS[name]
     q, dq, ddq = unseen(arm)
     predictor = learned(name, member)
@@ -163,7 +160,6 @@ def test_friction_coefficients_are_recovered(member: str) -> None:
 
 @pytest.mark.parametrize('member', MEMBERS)
 def test_friction_is_told_from_inertia_and_gravity(member: str) -> None:
-    """What dissipates is not in the Lagrangian torques."""
     arm = ARMS['two_links']
     q, dq, ddq = motion = unseen(arm)
     fast = (abs(dq) > 0.2).all(axis=1)  # away from where the smooth sign turns

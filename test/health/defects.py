@@ -116,7 +116,6 @@ def frozen(signal: str) -> Break:
 
 
 def jumping(samples: JointSamples) -> JointSamples:
-    """Two trials, one written after the other."""
     first = np.arange(samples.n_samples) < 2000
     return column(
         samples, 'position', JOINT, samples.position[:, JOINT] - np.where(first, 0.3, 0.0)
@@ -139,7 +138,6 @@ def exchanged(samples: JointSamples) -> JointSamples:
 
 
 def resting(samples: JointSamples) -> JointSamples:
-    """Hold the last posture for longer than the motion lasted."""
     extra = 5000
     noise = np.random.default_rng(0).standard_normal((2, extra, samples.n_joints))
 
@@ -162,7 +160,6 @@ def small_motion(factor: float) -> Break:
 
 
 def slowed(samples: JointSamples) -> JointSamples:
-    """Let a joint creep to and fro over a wide range."""
     rate = 2 * np.pi / 40.0
     q, dq = 0.2 * np.sin(rate * samples.t), 0.2 * rate * np.cos(rate * samples.t)
     return moved(samples, JOINT, q, dq)

@@ -45,24 +45,20 @@ def sound(
 
 
 def codes(samples: JointSamples) -> set[str]:
-    """Return the codes of the findings."""
     return {finding.code for finding in found(samples)}
 
 
 def found(samples: JointSamples) -> tuple[Finding, ...]:
-    """Return what is found without settings."""
     return examine(evidence_of(samples))
 
 
 def column(samples: JointSamples, signal: str, joint: int, values: Any) -> JointSamples:
-    """Replace one joint's column of one signal."""
     changed = getattr(samples, signal).copy()
     changed[:, joint] = values
     return replace(samples, **{signal: changed})
 
 
 def rows(samples: JointSamples, keep: Any) -> JointSamples:
-    """Keep some of the samples."""
     return replace(
         samples,
         t=samples.t[keep],
@@ -73,7 +69,6 @@ def rows(samples: JointSamples, keep: Any) -> JointSamples:
 
 
 def delayed(samples: JointSamples, signal: str, seconds: float) -> JointSamples:
-    """Shift all columns of a signal in time."""
     late = [np.interp(samples.t - seconds, samples.t, c) for c in getattr(samples, signal).T]
     changed: dict[str, Any] = {signal: np.column_stack(late)}
     return replace(samples, **changed)

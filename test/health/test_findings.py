@@ -218,8 +218,6 @@ def cut_off(seconds: float) -> Break:
 
 
 def stopped(seconds: float) -> Break:
-    """Freeze an effort where its joint moves most."""
-
     def stop(samples: JointSamples) -> JointSamples:
         count = round(seconds * RATE) + 1
         position = samples.position[:, JOINT]
@@ -233,8 +231,6 @@ def stopped(seconds: float) -> Break:
 
 
 def returning(share: float) -> Break:
-    """Let a joint go this share of its way backward."""
-
     def go(samples: JointSamples) -> JointSamples:
         wave = np.sin(2 * np.pi / 4.0 * samples.t)
         low, high = 0.0, 1.0

@@ -19,7 +19,6 @@ MOTOR_CONSTANTS = (1.0, 13.6, 13.6, -8.7, -8.7, -20.6, -20.6, -20.6)
 def found(
     samples: JointSamples, settings: RecordingSettings | None = None
 ) -> dict[str, list[str]]:
-    """Return the joints of every kind of finding."""
     kinds: dict[str, list[str]] = {}
     for finding in examine(evidence_of(samples, settings)):
         kinds.setdefault(finding.code, []).append(finding.joint)

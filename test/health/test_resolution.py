@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+import re
+
+from health.recordings import sound
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from lip_id_ros.health import CHECKS, evidence_of, health
 from lip_id_ros.health.evidence import Signal
 from lip_id_ros.preprocessing.segments import quantum
 
@@ -52,3 +57,28 @@ def test_the_longest_plateau_is_that_of_the_longest_time() -> None:
     values = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 3.0])
     assert Signal(values).longest_plateau(t) == (3, 4)
     assert Signal(np.array([1.0])).longest_plateau(t[:1]) == (0, 0)
+
+
+REFERENCE = Path(__file__).resolve().parents[2] / 'docs' / 'reference'
+PAGE = (REFERENCE / 'health.md').read_text(encoding='utf-8')
+
+
+def test_the_table_is_that_of_the_code() -> None:
+    documented = re.findall(
+        r'^\| `(\w+)` \| (\w+) \| (.+?) \| (.+?) \|$', PAGE, flags=re.MULTILINE
+    )
+    assert documented == [
+        (check.code, check.severity.value, check.meaning, check.remedy) for check in CHECKS
+    ]
+
+
+def test_the_figures_are_those_of_the_code() -> None:
+    described = health(evidence_of(sound()))
+    text = PAGE.partition('In JSON,')[2].partition('## How')[0]
+    named = set(re.findall(r'`(\w+)`', text))
+    assert set(described) | set(described['joints']['arm_joint1']) <= named
+
+
+def test_codes_are_unique() -> None:
+    codes = [check.code for check in CHECKS]
+    assert len(set(codes)) == len(codes)

@@ -17,7 +17,6 @@ def samples_of(
     seed: int = 5,
     gravity: float = 9.81,
 ) -> tuple[ChainArm, Samples]:
-    """Return an arm and samples of its torques with noise, a share of their deviations."""
     arm = random_arm(joint_types, seed, gravity)
     q, dq, ddq = arm.motion(count, seed=0)
     tau = arm.torque(q, dq, ddq)

@@ -55,6 +55,11 @@ def recorded() -> tuple[ChainArm, Dataset]:
     return arm, dataset_of(arm, motion, tau + noise)
 
 
+def started(fitter: ArmFitter) -> ArmFit:
+    placed = ArmSearch(fitter).calibrated(0, silent).placements.chain
+    return fitter.best_start([placed], fitter.elected(placed))
+
+
 @cache
 def fitted() -> tuple[ArmFitter, ArmFit]:
     _, dataset = recorded()
@@ -193,9 +198,7 @@ def test_two_standard_deviations_cover_the_truth() -> None:
         rng = np.random.default_rng(seed)
         tau = arm.torque(*motion) + friction(motion[1])
         fitter = ArmFitter(dataset_of(arm, motion, tau + 0.3 * rng.standard_normal(tau.shape)))
-        calibration = ArmSearch(fitter).calibrated(0, silent)
-        elected = fitter.elected(calibration.placements.chain)
-        fit = fitter.best_start([calibration.placements.chain], elected)
+        fit = started(fitter)
         found = posterior(fitter, fitter.refined(fitter.dataset, fit))[1]
         unseen = arm.motion(300, seed=5)
         truth = arm.torque(*unseen) + friction(unseen[1])
@@ -208,13 +211,11 @@ def test_two_standard_deviations_cover_the_truth() -> None:
 
 
 def smooth_motion(rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Return a minute of two joints at 200 Hz."""
     limits = MotionLimits(np.full(2, -1.5), np.full(2, 1.5), np.full(2, 2.0), np.full(2, 8.0))
     return SinusoidTrajectory.random(limits, rng).sample(np.arange(12_000) / 200.0)
 
 
 def low_passed(arm: ChainArm, noise: float, rng: np.random.Generator) -> Dataset:
-    """Return samples after the preprocessing of recordings."""
     q, dq, ddq = smooth_motion(rng)
     t, tau = np.arange(12_000) / 200.0, arm.torque(q, dq, ddq) + friction(dq)
     tau = tau + noise * rng.standard_normal(tau.shape)
@@ -226,9 +227,7 @@ def test_the_estimate_is_that_of_all_samples_as_the_covariance_is() -> None:
     motion, rng = arm.motion(5000, seed=0), np.random.default_rng(0)
     tau = arm.torque(*motion) + friction(motion[1])
     fitter = ArmFitter(dataset_of(arm, motion, tau + 0.3 * rng.standard_normal(tau.shape)))
-    calibration = ArmSearch(fitter).calibrated(0, silent)
-    elected = fitter.elected(calibration.placements.chain)
-    start = fitter.best_start([calibration.placements.chain], elected)
+    start = started(fitter)
     few = fitter.refined(fitter.some(1000), start)
     fit, found, *_ = posterior(fitter, few)
     gains = []
@@ -279,9 +278,7 @@ def test_white_noise_that_grows_near_rest_is_not_taken_for_correlated(seed: int)
     near = np.exp(-np.square(motion[1] / (0.4 * np.sqrt(np.mean(motion[1] ** 2, axis=0)))))
     noise = 0.1 * np.sqrt(1.0 + 16.0 * near) * rng.standard_normal(near.shape)
     fitter = ArmFitter(dataset_of(arm, motion, arm.torque(*motion) + friction(motion[1]) + noise))
-    calibration = ArmSearch(fitter).calibrated(0, silent)
-    elected = fitter.elected(calibration.placements.chain)
-    start = fitter.best_start([calibration.placements.chain], elected)
+    start = started(fitter)
     _, found, solution, _ = posterior(fitter, fitter.refined(fitter.some(1000), start))
     assert solution.inflation < 2.0
     np.testing.assert_allclose(found.noise.std, 0.1, rtol=0.1)

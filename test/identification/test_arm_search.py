@@ -24,7 +24,6 @@ STIFFNESS = (0.0, 30.0, -20.0)
 def sprung(
     arm: ChainArm, count: int, seed: int, stiffness: Sequence[float] = STIFFNESS
 ) -> Dataset:
-    """Return samples of an arm that has springs, with noise."""
     motion = arm.motion(count, seed)
     tau = arm.torque(*motion) + np.array(stiffness) * motion[0]
     return dataset_of(arm, motion, tau + noise_of(tau, NOISE))

@@ -65,7 +65,6 @@ def urdf_of(chain: Chain, links: Array) -> str:
 
 
 def perturbed(seed: int, degrees: float = 1.0, metres: float = 0.005, share: float = 0.3) -> str:
-    """Move every origin and change every inertial by so much."""
     rng = np.random.default_rng(seed)
     turns, shifts = rng.standard_normal((2, N, 3))
     turns *= np.radians(degrees) / np.linalg.norm(turns, axis=1)[:, None]
@@ -177,7 +176,6 @@ def test_placements_can_be_fixed() -> None:
 
 
 def started(description: RobotDescription) -> tuple[ArmFitter, ArmFit]:
-    """Return a first fit near a description."""
     fitter = ArmFitter(motion(0, 20, 25), (description, DescriptionSettings()))
     elected = fitter.elected(description.chain)
     return fitter, fitter.best_start([description.chain], elected)

@@ -63,7 +63,6 @@ def calibrated(arm: ChainArm, dataset: Dataset) -> tuple[ArmSearch, Calibration]
 
 @pytest.mark.parametrize('push', [0.2, 0.5, 3.0])
 def test_pushes_are_left_out(push: float) -> None:
-    """All of them, and of the rest what shares half a second with them."""
     arm, dataset = recorded(0, push)
     search, _, episodes = without_disturbances(*calibrated(arm, dataset))
     rest = search.fitter.dataset
@@ -78,7 +77,6 @@ def test_pushes_are_left_out(push: float) -> None:
 @pytest.mark.parametrize('friction', [0.0, 0.3])
 @pytest.mark.parametrize('seed', range(4))
 def test_nothing_is_left_out_of_a_sound_recording(seed: int, friction: float) -> None:
-    """Nor of one with residuals that depend on the motion."""
     arm, dataset = recorded(seed, friction=friction)
     search, calibration = calibrated(arm, dataset)
     assert without_disturbances(search, calibration) == (search, calibration, [])

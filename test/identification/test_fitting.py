@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from benchmarks._drives import recording
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
+from lip_id_ros.identification.effort_scale import EffortScale
 from lip_id_ros.identification.fitting import fit
+from lip_id_ros.identification.friction_candidates import RISE_PERIODS, rise_time
 
 
 def recorded(still: list[int], n_joints: int = 3) -> Dataset:
-    """Return random samples in which some efforts never change."""
     q, dq, ddq, tau = np.random.default_rng(0).standard_normal((4, 20, n_joints))
     tau[:, still] = 0.0
     return Dataset.from_arrays(q, dq, ddq, tau, joint_names=('lift', 'elbow', 'finger')[:n_joints])
@@ -25,3 +29,39 @@ def test_every_joint_whose_effort_never_changes_is_named_with_the_option() -> No
 def test_where_no_effort_changes_there_is_nothing_to_choose() -> None:
     with pytest.raises(DataError, match=r'or did not move[.]'):
         fit(recorded([0, 1, 2]))
+
+
+ONES = np.ones(4)
+
+
+@pytest.mark.parametrize(
+    ('residual', 'explains'),
+    [
+        ([0.03, 0.03, 0.03, 0.03], True),
+        ([0.01, 0.01, 0.01, 0.15], True),
+        ([0.1, 0.1, 0.1, 0.1], False),
+        ([0.01, 0.01, 0.01, 0.5], False),
+    ],
+)
+def test_efforts_are_explained_where_all_and_each_are(
+    residual: list[float], *, explains: bool
+) -> None:
+    scale = EffortScale(ONES, np.array(residual), 0.1 * ONES, ONES, ONES)
+    assert scale.explains == explains
+
+
+@pytest.mark.parametrize(
+    ('cutoffs', 'expected'),
+    [
+        ([], 0.0),
+        ([4.0], RISE_PERIODS / 4.0),
+        ([2.0, 8.0], RISE_PERIODS / 8.0),
+        ([0.0], 0.0),
+        ([np.nan, -1.0], 0.0),
+    ],
+)
+def test_rise_time(cutoffs: list[float], expected: float) -> None:
+    """Of several cut-offs that of the highest, which changes friction least."""
+    _, dataset = recording(0, [])
+    sources = [{'preprocessing': {'cutoff_hz': cutoff}} for cutoff in cutoffs]
+    assert rise_time(replace(dataset, provenance={'sources': sources})) == expected

@@ -15,7 +15,6 @@ RATE_HZ, PERIOD_S = 20.0, 6.53
 
 
 def sinusoids(phase: Array, seed: int, joints: int = 4) -> tuple[Array, Array]:
-    """Return positions at phases and their slopes, periodic in 2 pi."""
     rng = np.random.default_rng(seed)
     size, shift = rng.uniform(0.2, 1.0, (3, joints)), rng.uniform(0.0, 6.0, (3, joints))
     order = np.arange(1.0, 4.0)[:, None, None]
@@ -27,7 +26,6 @@ def sinusoids(phase: Array, seed: int, joints: int = 4) -> tuple[Array, Array]:
 def moved(
     period_s: float, seconds: float, seed: int = 0, drift: float = 0.0, rate_hz: float = RATE_HZ
 ) -> Dataset:
-    """Return a periodic motion whose period grows by a share at every pass."""
     t = np.arange(0.0, seconds, 1.0 / rate_hz)
     phase = 2.0 * np.pi * t / period_s * (1.0 - 0.5 * drift * t / period_s)
     q, slope = sinusoids(phase, seed)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from hypothesis import given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 
@@ -27,6 +29,12 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.terms import Coulomb
 from lip_id_ros.identification.friction_election import elect_friction, ElectedFriction
+from lip_id_ros.identification.friction_shapes import (
+    FIRST,
+    LAST,
+    resolved_harmonics,
+    strongest_harmonic,
+)
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples
 
@@ -41,7 +49,6 @@ def elected(arm: RandomArm, dataset: Dataset) -> tuple[ElectedFriction, list[set
 
 
 def error(arm: RandomArm, dataset: Dataset, got: ElectedFriction) -> Array:
-    """Return the error of the noiseless torque, in units of the measurement's noise."""
     state = dataset.q, dataset.dq, dataset.ddq
     links = RandomArm(arm.chain, got.link_parameters).torque(*state)
     tau = links + got.friction.torque(dataset.q, dataset.dq, dataset.ddq, links)
@@ -116,7 +123,6 @@ def test_nothing_is_elected_where_there_is_nothing() -> None:
 
 
 def test_sticking_near_rest_spoils_nothing() -> None:
-    """Samples near rest are off by the Coulomb torque: they count for less, not the others."""
     arm, dataset = recording(0, [])
     near = np.abs(dataset.dq) < 0.1
     rng = np.random.default_rng(1)
@@ -142,7 +148,6 @@ def test_a_joint_that_nothing_explains_spoils_no_other() -> None:
 
 
 def with_spikes(dataset: Dataset) -> tuple[Dataset, BoolArray]:
-    """Let 2 % of the torques be off by ten standard deviations of the torque."""
     rng = np.random.default_rng(9)
     bad = rng.random(dataset.tau.shape) < 0.02
     off = 10.0 * dataset.tau.std(axis=0) * rng.choice([-1.0, 1.0], bad.shape)
@@ -150,7 +155,6 @@ def with_spikes(dataset: Dataset) -> tuple[Dataset, BoolArray]:
 
 
 def with_absurd_accelerations(dataset: Dataset) -> tuple[Dataset, BoolArray]:
-    """Let one in 200 accelerations be a hundred times too large."""
     bad = np.arange(dataset.n_samples) % 200 == 0
     ddq = np.where(bad[:, None], 100.0 * dataset.ddq, dataset.ddq)
     return replace(dataset, ddq=ddq), np.broadcast_to(bad[:, None], ddq.shape)
@@ -232,3 +236,47 @@ def test_what_the_low_pass_makes_of_friction_is_no_friction(seed: int) -> None:
             torque = links + got.friction.torque(*state, links)
             errors.append(np.sqrt(np.mean((torque - other.tau) ** 2, axis=0)))
         assert np.all(errors[0] < bound * errors[1])
+
+
+def sweep(reach: float, count: int = 3000) -> Array:
+    t = np.linspace(0.0, 1.0, count)
+    return reach * np.sin(7.0 * t) * np.sin(2.9 * t + 0.3)
+
+
+@given(harmonic=st.integers(FIRST, 200), phase=st.floats(0.0, 6.0), seed=st.integers(0, 100))
+def test_the_strongest_harmonic(harmonic: int, phase: float, seed: int) -> None:
+    """Half as large as the noise, and next to other features that are a hundred times as large."""
+    rng, q = np.random.default_rng(seed), sweep(3.0)
+    root = rng.uniform(0.5, 1.0, q.size)
+    features = root[:, None] * np.column_stack([np.cos(q), np.sin(q), q, np.ones_like(q)])
+    torque = np.cos(harmonic * q + phase) + 2.0 * rng.standard_normal(q.size)
+    torque = root * torque + features @ (100.0 * rng.standard_normal(4))
+    harmonics = np.arange(FIRST, LAST + 1)
+    assert abs(strongest_harmonic(q, torque, features, harmonics) - harmonic) <= 1
+
+
+def test_harmonics_of_which_the_recording_shows_a_period() -> None:
+    _, dataset = recording(0, [])
+    q = np.tile(sweep(0.25)[:960, None], N_JOINTS)
+    slow = replace(dataset, q=q)
+    found = resolved_harmonics(slow, JOINT)
+    assert found[0] == np.ceil(2.0 * np.pi / np.ptp(q[:, JOINT]))
+    assert found[-1] == LAST
+    fast = resolved_harmonics(dataset, JOINT)
+    step = np.median(np.abs(np.diff(dataset.q[:, JOINT])))
+    assert fast[0] == FIRST
+    assert fast[-1] < LAST
+    assert fast[-1] * step < 0.5 * np.pi
+
+
+def test_a_prismatic_joint_has_no_turns() -> None:
+    _, dataset = recording(0, [])
+    sliding = replace(dataset, joint_types=('prismatic',) * N_JOINTS)
+    assert resolved_harmonics(sliding, JOINT).size == 0
+
+
+@pytest.mark.parametrize('features', [np.zeros((500, 0)), np.ones((500, 3))])
+def test_features_that_depend_on_each_other(features: Array) -> None:
+    q = sweep(2.0, 500)
+    rows = np.column_stack([features, np.ones_like(q)])
+    assert strongest_harmonic(q, np.sin(20.0 * q), rows, np.arange(FIRST, 40)) == 20

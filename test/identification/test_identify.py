@@ -34,7 +34,6 @@ def samples_of(arm: ChainArm, count: int = 120, noise: float = NOISE) -> Dataset
 
 
 def assert_predicts(found: Identified, motion: Motion, tau: Array, share: float = 3e-3) -> None:
-    """Within a share of the largest torque."""
     np.testing.assert_allclose(found.torque(*motion), tau, atol=share * np.abs(tau).max())
 
 
@@ -104,7 +103,6 @@ def repeated(q: Array, dq: Array, ddq: Array) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize('change', [resting, at_rest, slow, violent, far_away, repeated])
 def test_unusual_motions(change: Callable[[Array, Array, Array], None]) -> None:
-    """The torques of more such motions are predicted."""
     arm = random_arm((R, R, R), seed=1)
     motion, unseen = arm.motion(120, seed=0), arm.motion(100, seed=1)
     change(*motion)
@@ -117,7 +115,6 @@ def test_unusual_motions(change: Callable[[Array, Array, Array], None]) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize('reach', [0.01, 30.0])
 def test_slides_of_any_length(reach: float) -> None:
-    """A few millimetres, or ten metres."""
     arm = random_arm((P, R, P), seed=5)
     motion, unseen = arm.motion(120, seed=0), arm.motion(100, seed=1)
     for x in (*motion, *unseen):
@@ -147,7 +144,6 @@ def test_exact_torques() -> None:
 
 @pytest.mark.slow
 def test_a_torque_of_noise_alone() -> None:
-    """Does not spoil what is known of the other joints."""
     arm = random_arm((R, R, R), seed=1)
     dataset = samples_of(arm)
     tau = dataset.tau.copy()

@@ -138,7 +138,6 @@ def test_the_residuals_at_the_lowest_place_are_the_noise(
 
 
 def test_residuals_vanish_without_noise() -> None:
-    """Down to the smallest that is counted."""
     _, samples = samples_of((R, P, R), noise=0.0)
     np.testing.assert_allclose(found(samples).noise_std, FINEST * samples.tau.std(axis=0))
 

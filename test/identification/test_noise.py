@@ -120,7 +120,6 @@ def test_absurd_features_have_little_leverage() -> None:
 
 @pytest.mark.parametrize('unit', [1.0, 1e-3])
 def test_noise_of_few_samples_near_rest_is_no_outlier(unit: float) -> None:
-    """Four times the noise at 3 % of the samples."""
     rng = np.random.default_rng(0)
     dq = rng.uniform(-2.0, 2.0, (6000, 1))
     residuals = unit * rng.standard_normal(dq.shape) * np.where(np.abs(dq) < 0.06, 4.0, 1.0)

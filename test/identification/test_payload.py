@@ -31,7 +31,6 @@ Learned = list[tuple[ArmPosterior, tuple[Array, Array]]]
 
 
 def body() -> Array:
-    """Return one kilogram at 5 cm."""
     inertia = MASS * (
         GYRATION**2 * np.eye(3) + CENTRE @ CENTRE * np.eye(3) - np.outer(CENTRE, CENTRE)
     )
@@ -51,7 +50,6 @@ def payload_of(arm: ArmDescription, dataset: Dataset) -> Payload:
 def recorded(
     arm: ArmDescription, payload: Array, seed: int, noise: float, correlated: int = 1
 ) -> Dataset:
-    """Simulate 20 s at 50 Hz of sinusoids."""
     rng = np.random.default_rng(seed)
     n, t = len(arm.links), np.arange(0.0, 20.0, 0.02)
     w = 2.0 * np.pi * rng.uniform(0.1, 0.5, (5, n))
@@ -133,7 +131,6 @@ def learned(data: Dataset, chain: Chain) -> ArmPosterior:
 
 
 def plain_arm() -> ArmDescription:
-    """Return an arm with viscous and Coulomb friction and offsets."""
     friction = FrictionModel(plain_friction(4, np.full(4, 0.05)), np.full(12, 0.2))
     return replace(arm_of('RRRR'), friction=friction)
 
@@ -197,7 +194,6 @@ def test_nothing_attached_is_a_body_of_no_mass() -> None:
 
 
 def test_an_arm_lighter_than_its_model_is_refused() -> None:
-    """A tool of 0.2 kg was in the model."""
     arm = arm_of('RRRRRR')
     with pytest.raises(DataError, match=r'lighter by 0\.[12].* fit the arm without its tool'):
         payload_of(arm, recorded(arm, -0.2 * body(), 1, NOISE))

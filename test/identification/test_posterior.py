@@ -21,7 +21,6 @@ FREE = Geometry.free(3)
 
 
 def at_rest(data: Dataset, joint: int) -> Dataset:
-    """Return the recording of a motion without one of the joints."""
     q, dq, ddq = (getattr(data, name).copy() for name in ('q', 'dq', 'ddq'))
     q[:, joint], dq[:, joint], ddq[:, joint] = 0.3, 0.0, 0.0
     noise = np.zeros_like(q) if data.tau_noiseless is None else data.tau - data.tau_noiseless

@@ -43,7 +43,6 @@ def torque(dataset: Dataset, chain: Chain, got: ElectedFriction) -> Array:
 
 
 def test_predicts_unseen_motion_of_a_ur10(shared_data: Path) -> None:
-    """Near rest too: no sample is left out of the fit or of the judgement."""
     training, unseen = loaded(shared_data / UR10, UR10_JOINTS).split(0.7)
     fitter = ArmFitter(training)
     chain = ArmSearch(fitter).calibrated(0, silent).placements.chain

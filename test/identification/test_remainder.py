@@ -4,20 +4,33 @@ from __future__ import annotations
 
 from typing import Any
 
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from model.models import torque_of_processes
 import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.identification.process_parameters import likeliest, negative_log_posterior, TYPICAL
+from lip_id_ros.identification.process_parameters import (
+    likeliest,
+    negative_log_posterior,
+    sparse_weights,
+    TYPICAL,
+)
 from lip_id_ros.identification.remainder_election import (
     Fold,
     fold_masks,
     RemainderElection,
     Targets,
 )
-from lip_id_ros.model.remainder import correlation, Inputs, Remainder, stored_inputs
+from lip_id_ros.model.remainder import (
+    correlation,
+    Inputs,
+    near_and_beyond,
+    Remainder,
+    stored_inputs,
+)
 from lip_id_ros.model.remainder_deviation import RemainderDeviation
 
 N = 240
@@ -30,7 +43,6 @@ def motion() -> tuple[Array, Array, Array]:
 
 
 def masks_of(q: Array, dq: Array | None = None) -> list[tuple[BoolArray, int]]:
-    """Return what is left out of states at 8 Hz."""
     dq = np.random.default_rng(3).standard_normal(q.shape) if dq is None else dq
     data = Dataset.from_arrays(q, dq, np.zeros_like(q), q, t=np.arange(len(q)) / 8.0)
     return fold_masks(data, np.arange(len(q)))
@@ -140,7 +152,6 @@ def test_the_correlation_is_one_of_gaussian_processes() -> None:
 
 
 def test_length_scales_by_automatic_differentiation() -> None:
-    """The gradient of the posterior density."""
     torch = pytest.importorskip('torch')
     rng = np.random.default_rng(0)
     x, y, known = rng.standard_normal((30, 4)), rng.standard_normal(30), np.full((30, 30), 0.7)
@@ -205,3 +216,39 @@ def test_both_ends_of_each_joint_are_left_out_beside_blocks_of_time() -> None:
         assert low.sum() == high.sum() == 100
         assert q[low, joint].max() < q[~low & ~high, joint].min()
         assert q[high, joint].min() > q[~low & ~high, joint].max()
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    count=st.integers(2, 200),
+    length=st.floats(0.3, 6.0),
+    share=st.floats(1e-3, 1.0),
+)
+def test_means_are_those_of_all_samples(
+    seed: int, count: int, length: float, share: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    x, lengths = rng.standard_normal((count, 4)), np.full(4, length)
+    gram = correlation(x, x, lengths) + 0.1 * np.eye(count)
+    alpha = np.linalg.solve(gram, rng.standard_normal((count, 2)) * [1.0, 100.0])
+    means = correlation(near_and_beyond(x), x, lengths) @ alpha
+    tolerance = share * means.std(axis=0) + 1e-300
+    few = sparse_weights(x, lengths, alpha, tolerance)
+    got = correlation(near_and_beyond(x), x, lengths) @ few
+    assert np.all(np.abs(got - means) <= 1.001 * tolerance)
+
+
+def test_a_smooth_mean_needs_few_samples() -> None:
+    rng = np.random.default_rng(0)
+    x, lengths = rng.uniform(-1.0, 1.0, (400, 3)), np.full(3, 2.0)
+    gram = correlation(x, x, lengths) + 0.1 * np.eye(400)
+    alpha = np.linalg.solve(gram, np.sin(x @ np.ones((3, 1))))
+    few = sparse_weights(x, lengths, alpha, np.array([0.01]))
+    assert few.any(axis=1).sum() < 40
+
+
+def test_a_mean_of_zero_needs_no_sample() -> None:
+    x = np.random.default_rng(0).standard_normal((5, 2))
+    few = sparse_weights(x, np.ones(2), np.zeros((5, 1)), np.array([0.1]))
+    assert not few.any()

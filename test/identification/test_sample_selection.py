@@ -78,7 +78,6 @@ def test_without_long_rests_all_samples_are_kept() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize('seconds', [1000, 8000])
 def test_a_fit_does_not_suffer_from_a_long_rest(seconds: int) -> None:
-    """All samples of the motion were the exception, and were left out as absurd."""
     dataset = recorded()
     model = fit(resting(dataset, [0], [seconds], 0.5))
     error = np.mean((model.predict(dataset.q, dataset.dq, dataset.ddq).tau - dataset.tau) ** 2)

@@ -40,7 +40,6 @@ def part(features: list[Array], tau: Array, rows: slice) -> TorqueStatistics:
 
 
 def dense(features: list[Array], tau: Array, weights: Array) -> Array:
-    """Solve the regularised least squares on all samples by an SVD."""
     rows, right = [np.diag(1.0 / PRIOR)], [np.zeros(9)]
     for i, column in enumerate(COLUMNS):
         block = np.zeros((len(tau), 9))
@@ -103,7 +102,6 @@ def test_squared_residuals() -> None:
 
 
 def test_chosen_parameters_alone() -> None:
-    """As if the other columns had never been gathered, in the order that is asked for."""
     features, tau = samples(200)
     chosen = np.array([7, 0, 2, 5])
     got = posterior(part(features, tau, slice(None)), NOISE, PRIOR[chosen], chosen).mean

@@ -30,7 +30,6 @@ def with_torques(dataset: Dataset, change: Array) -> Dataset:
 @pytest.mark.parametrize('friction', [0.0, 0.3])
 @pytest.mark.parametrize('seed', range(4))
 def test_nothing_is_suspected_of_a_sound_recording(seed: int, friction: float) -> None:
-    """Nor of one with residuals that depend on the motion."""
     assert suspected(*recorded(seed, friction=friction)) == []
 
 

@@ -16,24 +16,20 @@ MEMBERS = tuple(FAMILY)
 
 
 def random_weights(kernel: EnergyKernel, rng: np.random.Generator) -> Weights:
-    """Draw weights around one half."""
     return Weights(*(np.exp(0.4 * rng.normal(size=w.shape) - 0.7) for w in unit_weights(kernel)))
 
 
 def random_states(n_samples: int, n: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Draw q, dq, ddq, each (n_samples, n)."""
     q, dq, ddq = rng.normal(size=(3, n_samples, n))
     return q, dq, ddq
 
 
 def random_basis(types: tuple[str, ...], rng: np.random.Generator) -> JointBasis:
-    """Draw centres and ranges of prismatic joints."""
     n = len(types)
     return JointBasis(types, rng.normal(size=n), 0.5 + rng.random(n))
 
 
 def random_chain(types: tuple[str, ...], rng: np.random.Generator) -> Chain:
-    """Draw the placements of joints, and gravity."""
     n = len(types)
     return Chain(
         rotations=Rotation.random(n, random_state=rng).as_matrix().reshape(n, 3, 3),

@@ -38,13 +38,11 @@ class EnergyReference:
     weights: Weights
 
     def kinetic(self, q: Tensor, dq: Tensor, qz: Tensor, dz: Tensor) -> Tensor:
-        """Return the covariance of the kinetic energies."""
         f, fz = self._features(q), self._features(qz)
         zero = 0.0 * (q @ qz + dq @ dz)
         return zero + kinetic_covariance(self.kernel, self.weights, f, dq, fz, dz)
 
     def potential(self, q: Tensor, qz: Tensor) -> Tensor:
-        """Return the covariance of the potential energies."""
         f, fz = self._features(q), self._features(qz)
         return 0.0 * (q @ qz) + potential_covariance(self.kernel, self.weights, f, fz)
 

@@ -8,14 +8,12 @@ from lip_id_ros.arrays import Array
 
 
 def rotation(rng: np.random.Generator) -> Array:
-    """Draw a rotation matrix."""
     q, r = np.linalg.qr(rng.normal(size=(3, 3)))
     q *= np.sign(np.diagonal(r))
     return q if np.linalg.det(q) > 0.0 else -q
 
 
 def about_z(angle: float) -> Array:
-    """Return the rotation about the z axis."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
@@ -34,7 +32,6 @@ class SerialArm:
         self.inertias = halves @ halves.transpose(0, 2, 1)
 
     def frames(self, q: Array) -> list[tuple[Array, Array, Array, Array]]:
-        """Return axis, origin, rotation and centre of mass of every link."""
         turn, origin = np.eye(3), np.zeros(3)
         found = []
         for i, kind in enumerate(self.types):
@@ -49,7 +46,6 @@ class SerialArm:
         return found
 
     def link_inertia(self, link: int, q: Array) -> Array:
-        """Return the share of one link in the inertia matrix, shape (n, n)."""
         frames = self.frames(q)
         _, _, turn, centre = frames[link]
         linear, angular = np.zeros((2, 3, len(q)))
@@ -63,5 +59,4 @@ class SerialArm:
         return np.asarray(self.masses[link] * linear.T @ linear + angular.T @ body @ angular)
 
     def height(self, link: int, q: Array) -> float:
-        """Return the height of a link's centre of mass."""
         return float(self.frames(q)[link][3][2])

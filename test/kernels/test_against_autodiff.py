@@ -27,7 +27,6 @@ CASES = [(member, arm) for member in MEMBERS for arm in ARMS]
 def setting(
     member: str, types: tuple[str, ...], n_samples: int, seed: int = 0
 ) -> tuple[EnergyKernel, JointBasis, Weights, tuple[Array, Array, Array]]:
-    """Return kernel, basis, weights and joint states."""
     rng = np.random.default_rng(seed)
     kernel = FAMILY[member](len(types))
     basis = random_basis(types, rng)
@@ -35,7 +34,6 @@ def setting(
 
 
 def tensors(states: tuple[Array, Array, Array], t: int) -> State:
-    """Return sample t as tensors."""
     q, dq, ddq = states
     return State(torch.tensor(q[t]), torch.tensor(dq[t]), torch.tensor(ddq[t]))
 

@@ -20,7 +20,6 @@ TYPES = st.lists(st.sampled_from(['revolute', 'prismatic']), min_size=1, max_siz
 @given(types=TYPES, seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=25)
 def test_gram_is_positive_semidefinite(member: str, types: tuple[str, ...], seed: int) -> None:
-    """For any arm and any positive weights."""
     rng = np.random.default_rng(seed)
     kernel = FAMILY[member](len(types))
     basis = random_basis(types, rng)
@@ -73,7 +72,6 @@ def test_prismatic_unit_and_origin_only_change_the_conditioning() -> None:
 
 
 def test_wrong_shapes_are_refused() -> None:
-    """One sentence says what was expected and what came."""
     basis = JointBasis(('revolute',) * 3, np.zeros(3), np.ones(3))
     good, bad = np.zeros((4, 3)), np.zeros((4, 2))
     with pytest.raises(ShapeError, match=r'dq must have shape \(N, 3\).*has shape \(4, 2\)'):

@@ -128,7 +128,6 @@ def log(path: Path, motion: float, n: int) -> Path:
 
 @pytest.mark.slow
 def test_what_is_held_out_does_not_matter(tmp_path: Path) -> None:
-    """A recording whose last third is spoilt selects what its first two thirds elect."""
     good = log(tmp_path / 'good.csv', 0.0, 3000)
     table = np.loadtxt(good, delimiter=',', skiprows=1)
     table[2000:, 1:] += np.random.default_rng(0).standard_normal(table[2000:, 1:].shape)

@@ -95,7 +95,6 @@ def conditioned(
 def of_arm(
     arm: ArmPosterior, types: tuple[str, ...], remainder: Remainder | None = None
 ) -> InverseDynamicsModel:
-    """Return the model of an arm."""
     n = len(types)
     rng = np.random.default_rng(2)
     return InverseDynamicsModel(
@@ -113,7 +112,6 @@ def of_arm(
 
 
 def random_known_states(n: int, rng: np.random.Generator) -> KnownStates:
-    """Return states that are kept of training data of n joints."""
     states = stored_states(rng.normal(size=(6, 3 * n)))
     return KnownStates(states, 0.5 + rng.random(3 * n), 0.5 + rng.random())
 

@@ -22,7 +22,6 @@ States = tuple[Array, Array, Array]
 
 @pytest.fixture(scope='module')
 def model() -> InverseDynamicsModel:
-    """Return a random arm whose first joint has Dahl's friction in place of Coulomb's."""
     plain = random_model(ARTICULATED, remainder=False)
     assert plain.arm is not None
     n = plain.n_joints

@@ -40,7 +40,6 @@ def assert_close(got: Array, expected: Array) -> None:
 
 
 def check_against_covariances(model: InverseDynamicsModel) -> None:
-    """Compare with cross-covariances times alpha."""
     x = queries(model.n_joints)
     if model.arm is not None:
         check_against_regressors(model, x)
@@ -106,7 +105,6 @@ def test_without_friction_and_remainder(member: str) -> None:
 
 @pytest.mark.parametrize('member', KERNELS)
 def test_parts_of_the_torque(member: str) -> None:
-    """Each part depends on what it may depend on, and together they are the torque."""
     q, dq, ddq = queries(3)
     predictor = random_model(member)
     got = predictor.predict(q, dq, ddq)
@@ -218,7 +216,6 @@ def test_the_potential_is_zero_at_its_reference() -> None:
 
 
 def test_nothing_is_compiled_once_a_predictor_stands() -> None:
-    """Whatever arrays come: a controller cannot wait for a compiler."""
     predictor = random_model('recursive')
     states = queries(3)
     predictor.predict(*states)
@@ -238,7 +235,6 @@ def test_nothing_is_compiled_once_a_predictor_stands() -> None:
 
 
 def test_a_query_keeps_its_answer() -> None:
-    """The next query does not write over it."""
     predictor = random_model('recursive')
     q, dq, ddq = queries(3)
     first = predictor.query(q[0], dq[0], ddq[0])

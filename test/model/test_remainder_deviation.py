@@ -7,8 +7,8 @@ from pathlib import Path
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kernels.cases import P, R
-from model.models import of_arm, random_arm
+from kernels.cases import P, R, random_states
+from model.models import of_arm, random_arm, random_remainder, torque_of_processes
 import numpy as np
 import pytest
 
@@ -19,16 +19,17 @@ from lip_id_ros.model.remainder import (
     FRICTION_VARIANCE,
     Inputs,
     Remainder,
+    set_correlations,
     stored_inputs,
 )
 from lip_id_ros.model.remainder_deviation import compacted, RemainderDeviation
+from lip_id_ros.model.remainder_mean import RemainderMean
 
 TYPES = (R, P, R)
 States = tuple[Array, Array, Array]
 
 
 def motion(n_samples: int, rng: np.random.Generator) -> States:
-    """Return a motion of three joints with three harmonics each."""
     t = np.linspace(0.0, 20.0, n_samples)[:, None, None]
     rate, size, phase = rng.uniform(0.2, 2.0, (3, 3, 3))
     angle = rate * t + 3.0 * phase
@@ -100,7 +101,6 @@ def textbook(remainder: Remainder, states: States) -> Array:
 def test_deviations_are_those_of_all_samples(
     seed: int, count: int, length: float, noise: float, replaces: bool
 ) -> None:
-    """At samples, between them, at other motions, and far from all."""
     rng = np.random.default_rng(seed)
     samples = motion(count, rng)
     remainder = remainder_of(samples, length, noise, seed)
@@ -159,7 +159,6 @@ def test_many_states_are_evaluated_as_one_by_one() -> None:
 
 @pytest.mark.parametrize('part', range(3))
 def test_a_state_that_is_not_a_number_has_no_deviation(part: int) -> None:
-    """It must not look certain."""
     samples = motion(40, np.random.default_rng(4))
     states = [each[:1].copy() for each in samples]
     states[part][0, 0] = np.nan
@@ -193,3 +192,43 @@ def test_a_model_file_keeps_the_deviations(tmp_path: Path) -> None:
     states = motion(20, rng)
     loaded = InverseDynamicsModel.load(tmp_path / 'arm.npz')
     np.testing.assert_array_equal(loaded.torque_std(*states), model.torque_std(*states))
+
+
+def several(types: tuple[str, ...], seed: int) -> Remainder:
+    """Return processes of two kinds, in place of all links but the first, few with weights."""
+    rng = np.random.default_rng(seed)
+    one, n = random_remainder(types, rng), len(types)
+    lengths = np.outer(1.0 + np.arange(n) % 2, one.lengths[0])
+    weighted = rng.uniform(size=(len(one.x), 1)) < 0.5
+    return replace(
+        one,
+        lengths=lengths,
+        alpha=weighted * rng.standard_normal(one.alpha.shape),
+        replaces=np.arange(n) > 0,
+        friction=rng.standard_normal((n, 3)) * (np.arange(n) > 0)[:, None],
+    )
+
+
+@pytest.mark.parametrize('types', [(R,), (P, P), (R, P, R, R)])
+@pytest.mark.parametrize('seed', [0, 1])
+def test_means_are_as_defined(types: tuple[str, ...], seed: int) -> None:
+    for remainder in (random_remainder(types, np.random.default_rng(seed)), several(types, seed)):
+        state = random_states(700, len(types), np.random.default_rng(seed + 2))
+        expected = torque_of_processes(remainder, *state)
+        found = RemainderMean(remainder).torque(*state)
+        np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-12)
+        links = np.random.default_rng(seed).standard_normal(expected.shape)
+        tau = links.copy()
+        RemainderMean(remainder).add_to(tau, *state)
+        np.testing.assert_allclose(tau, links * ~remainder.replaces + found, rtol=1e-12)
+
+
+def test_correlations_at_every_distance() -> None:
+    x = np.zeros((1, 2))
+    at = np.concatenate([np.linspace(0.0, 11.0, 500), [100.0, 1e6, 1e200]])
+    z = np.column_stack([at, np.zeros_like(at)])
+    found = np.empty(len(z))
+    set_correlations(found, x[0], z.T.ravel(), np.ones(2))
+    expected = correlation(x, z[:-1], np.ones(2))[0]
+    np.testing.assert_allclose(found[:500], expected[:500], rtol=1e-12)
+    assert np.all(found[500:] < 1e-27)

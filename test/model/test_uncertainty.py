@@ -260,7 +260,6 @@ def test_a_compact_posterior_has_the_deviations_of_the_whole(seed: int) -> None:
 
 
 def moved(arm: ArmPosterior, by: Array) -> ArmPosterior:
-    """Return the arm with its coordinates changed."""
     n = len(arm.links)
     places = by[: 6 * n].reshape(n, 6)
     turns = Rotation.from_rotvec(places[:, :3]).as_matrix()

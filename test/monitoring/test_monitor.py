@@ -180,7 +180,6 @@ def test_gaps_among_what_is_watched_are_told(path: str) -> None:
 
 
 def test_the_reason_of_blindness_is_told_until_it_ends(path: str) -> None:
-    """Where nothing new had come since the last status, the status named gaps."""
     watching = monitor(path)
     judged(watching, [message(100)] * 100)
     assert watching.judge(0.6) == (
@@ -191,7 +190,6 @@ def test_the_reason_of_blindness_is_told_until_it_ends(path: str) -> None:
 
 
 def test_a_joint_that_is_named_twice_is_refused(path: str) -> None:
-    """The last of its thresholds held, the other was dropped."""
     twice = (*toy.JOINTS, toy.JOINTS[0])
     with pytest.raises(ConfigError, match="must name each joint once, but 'shoulder' comes twice"):
         monitor(path, joints=twice, thresholds=(1.0, 2.0, 3.0))
@@ -223,7 +221,6 @@ def test_what_cannot_be_used_is_counted_and_spoils_nothing(
 
 @pytest.mark.parametrize('shift_s', [0.0, 3600.0])
 def test_another_robot_on_the_same_topic_disturbs_nothing(path: str, shift_s: float) -> None:
-    """Its stamps may be those of this one, or of another clock."""
     watching = monitor(path)
     watching.judge(0.0)
     for row in range(100):
@@ -261,7 +258,6 @@ def test_a_model_or_a_list_that_does_not_fit_is_refused(path: str) -> None:
 
 
 def judged(watching: Monitor, messages: list[JointMessage]) -> tuple[Level, str]:
-    """Return the diagnostics after messages within half a second."""
     for each in messages:
         with contextlib.suppress(RefusedError):
             watching.take(each)

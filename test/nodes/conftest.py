@@ -13,12 +13,11 @@ import pytest
 from lip_id_ros.model import InverseDynamicsModel
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Ros
 
 
 @pytest.fixture
-def ros(tmp_path: Path) -> Iterator[tuple[Graph, Client]]:
-    """Give a ROS domain to start nodes in, and a client."""
+def ros(tmp_path: Path) -> Iterator[Ros]:
     from nodes.ros_graph import graph  # only where ROS is there
 
     with graph(tmp_path) as made:
@@ -26,9 +25,7 @@ def ros(tmp_path: Path) -> Iterator[tuple[Graph, Client]]:
 
 
 @pytest.fixture(scope='session')
-def shared(
-    tmp_path_factory: pytest.TempPathFactory, model_path: str
-) -> Iterator[tuple[Graph, Client]]:
+def shared(tmp_path_factory: pytest.TempPathFactory, model_path: str) -> Iterator[Ros]:
     """Start `serve` once for many tests; each answer is the model's own, none comes unasked."""
     from nodes.ros_graph import graph  # only where ROS is there
 
@@ -45,7 +42,7 @@ def shared(
 
 
 @pytest.fixture
-def serving(shared: tuple[Graph, Client], model_path: str) -> tuple[Graph, Client]:
+def serving(shared: Ros, model_path: str) -> Ros:
     """Give the shared `serve` as it was at its start, with counts from now on."""
     _, client = shared
     results = client.set_parameters(
@@ -64,13 +61,11 @@ def serving(shared: tuple[Graph, Client], model_path: str) -> tuple[Graph, Clien
 
 @pytest.fixture(scope='session')
 def model_path(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Model of the two pendulums."""
     return toy.model_path(tmp_path_factory)
 
 
 @pytest.fixture(scope='session')
 def foreign_model_path(tmp_path_factory: pytest.TempPathFactory, model_path: str) -> str:
-    """Model of an arm with joints of other names."""
     path = tmp_path_factory.mktemp('model') / 'foreign.npz'
     replace(InverseDynamicsModel.load(model_path), joint_names=('left', 'right')).save(path)
     return str(path)

@@ -43,8 +43,6 @@ def _heed_signals() -> None:
 
 
 class Process:
-    """A node of the package in a process of its own."""
-
     def __init__(
         self, name: str, folder: Path, environment: dict[str, str], arguments: list[str]
     ) -> None:
@@ -68,7 +66,6 @@ class Process:
         return self._popen.poll() is None
 
     def send(self, number: int) -> None:
-        """Send a signal, if the process is alive."""
         if self.alive:
             self._popen.send_signal(number)
 
@@ -91,7 +88,6 @@ class Process:
         return self.wait()
 
     def wait(self) -> int:
-        """Return the exit status."""
         try:
             wait_until(lambda: not self.alive, f'the end of {self.log_path.stem}')
         except AssertionError:
@@ -220,7 +216,6 @@ class Client:
                 await_discovery(self.node, name, self.wait_until)
 
     def status(self, node: str, condition: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
-        """Wait for a status of a node that fulfils a condition."""
         topic = f'/{node}/status'
         if topic not in self.received:
             self.listen(DiagnosticStatus, topic, qos.LATCHED)
@@ -252,8 +247,6 @@ def since(values: dict[str, Any], mark: dict[str, Any]) -> dict[str, Any]:
 
 
 class Graph:
-    """Nodes and client of one test."""
-
     def __init__(self, folder: Path, domain: int) -> None:
         self.domain = domain
         self.folder = folder
@@ -275,14 +268,12 @@ class Graph:
         return self.start_with(module, arguments)
 
     def start_with(self, module: str, arguments: list[str]) -> Process:
-        """Start a node with ROS arguments."""
         program = ['-m', f'lip_id_ros.nodes.{module}']
         if module in SIMULATED:
             program = ['-c', f'from lip_id_ros.demo.nodes import {module}; exit({module}())']
         return self.start_program(module, [*program, '--ros-args', *arguments])
 
     def start_program(self, name: str, arguments: list[str]) -> Process:
-        """Start Python with arguments."""
         process = Process(name, self.folder, self.environment, arguments)
         self.processes.append(process)
         return process
@@ -295,8 +286,12 @@ class Graph:
         return self.start_program(name, ['-c', BECOME, str(program), *arguments])
 
 
+Ros = tuple[Graph, Client]
+"""Where the nodes of a test live, and their client."""
+
+
 @contextmanager
-def graph(folder: Path) -> Iterator[tuple[Graph, Client]]:
+def graph(folder: Path) -> Iterator[Ros]:
     """Give a graph and a client that is spun in a thread; end all processes afterwards."""
     with free_domain() as domain:
         made = Graph(folder, domain)

@@ -22,7 +22,7 @@ from lip_id_ros.nodes import messages
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Client, Ros
 
 pytestmark = pytest.mark.ros
 
@@ -39,7 +39,6 @@ PERIOD_S = 0.01
 
 
 def still(seconds: int = 1000, effort: list[float] = EFFORT, n_points: int = 2) -> JointTrajectory:
-    """Return a plan that stands at zero."""
     plan = JointTrajectory(joint_names=list(toy.JOINTS))
     for number in range(n_points):
         sec, part = divmod(seconds * number, n_points - 1)
@@ -83,7 +82,7 @@ class Driver:
 
 
 @pytest.fixture
-def following(ros: tuple[Graph, Client]) -> Iterator[tuple[Any, Client, Driver, list[Any]]]:
+def following(ros: Ros) -> Iterator[tuple[Any, Client, Driver, list[Any]]]:
     """Give the node, a client, a driver and the torques, once a plan's effort is held."""
     graph, client = ros
     process = graph.start('computed_torque', **SETTINGS)
@@ -99,7 +98,6 @@ def following(ros: tuple[Graph, Client]) -> Iterator[tuple[Any, Client, Driver, 
 
 
 def held(torques: list[Any]) -> list[float]:
-    """Return the last torque."""
     return [round(float(each), 6) for each in torques[-1].effort]
 
 
@@ -165,7 +163,7 @@ def test_plans_that_may_not_be_followed_and_long_ones_leave_the_torque_as_it_is(
     assert held(torques) == EFFORT
 
 
-def test_two_publishers_of_joint_states_are_told_or_refused(ros: tuple[Graph, Client]) -> None:
+def test_two_publishers_of_joint_states_are_told_or_refused(ros: Ros) -> None:
     graph, client = ros
     graph.start('computed_torque', **SETTINGS, several_publishers='refuse')
     torques = client.listen(JointState, '/computed_torque/command')
@@ -210,7 +208,7 @@ def test_a_callback_that_fails_takes_the_torque_to_zero(
     assert status['let_go'] == {'callback failed': 1}
 
 
-def test_without_limits_it_does_not_start(ros: tuple[Graph, Client]) -> None:
+def test_without_limits_it_does_not_start(ros: Ros) -> None:
     graph, client = ros
     unlimited = {**SETTINGS, 'torque_limits': []}
     process = graph.start('computed_torque', **unlimited)
@@ -222,7 +220,7 @@ def test_without_limits_it_does_not_start(ros: tuple[Graph, Client]) -> None:
 
 
 def test_the_simulated_arm_stays_finite_and_stops_under_an_absurd_torque(
-    ros: tuple[Graph, Client],
+    ros: Ros,
 ) -> None:
     pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
     graph, client = ros

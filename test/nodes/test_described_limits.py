@@ -25,7 +25,7 @@ from lip_id_ros.nodes import messages, qos
 from lip_id_ros.simulation.arm import panda_urdf
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Client, Ros
 
 pytestmark = pytest.mark.ros
 
@@ -45,14 +45,12 @@ def described(**efforts: str) -> String:
 
 @pytest.fixture
 def panda_path(model_path: str, tmp_path: Path) -> str:
-    """Save the model of the pendulums as one of two joints of the Panda."""
     path = tmp_path / 'panda.npz'
     replace(InverseDynamicsModel.load(model_path), joint_names=JOINTS).save(path)
     return str(path)
 
 
 def answer(client: Client, torques: list[Any]) -> list[float]:
-    """Return the torque that a strong acceleration gets."""
     before = len(torques)
     client.speak(JointTrajectory, REFERENCE).publish(STRONG)
     client.wait_until(lambda: len(torques) > before, 'a torque')
@@ -60,7 +58,7 @@ def answer(client: Client, torques: list[Any]) -> list[float]:
 
 
 def test_serve_takes_the_limits_of_the_topic_when_it_is_activated(
-    ros: tuple[Graph, Client], panda_path: str
+    ros: Ros, panda_path: str
 ) -> None:
     graph, client = ros
     limits = {'torque_limits': 'robot_description', 'rate_limits': [1e9]}
@@ -110,7 +108,7 @@ def test_serve_takes_the_limits_of_the_topic_when_it_is_activated(
 
 
 def test_a_long_plan_has_the_limits_of_the_urdf_that_is_in_force(
-    ros: tuple[Graph, Client], panda_path: str
+    ros: Ros, panda_path: str
 ) -> None:
     """It is answered in a process of its own, which gets the settings of the activation too."""
     graph, client = ros
@@ -138,7 +136,7 @@ def test_a_long_plan_has_the_limits_of_the_urdf_that_is_in_force(
     assert planned() == [7.0, 8.0]
 
 
-def test_an_active_node_reads_no_limits(ros: tuple[Graph, Client], panda_path: str) -> None:
+def test_an_active_node_reads_no_limits(ros: Ros, panda_path: str) -> None:
     graph, client = ros
     start_serve(graph, model_path=panda_path, torque_limits=[5.0], rate_limits=[1e9])
     torques = client.listen(JointState, TORQUE)
@@ -151,7 +149,7 @@ def test_an_active_node_reads_no_limits(ros: tuple[Graph, Client], panda_path: s
     assert answer(client, torques) == [5.0, 5.0]
 
 
-def test_the_parameter_is_a_description_too(ros: tuple[Graph, Client], panda_path: str) -> None:
+def test_the_parameter_is_a_description_too(ros: Ros, panda_path: str) -> None:
     graph, client = ros
     given = {'torque_limits': 'robot_description', 'robot_description': described().data}
     start_serve(graph, model_path=panda_path, rate_limits=[1e9], **given)
@@ -170,7 +168,7 @@ def control(**changes: Any) -> dict[str, Any]:
     }
 
 
-def test_computed_torque_waits_for_the_topic_before_it_starts(ros: tuple[Graph, Client]) -> None:
+def test_computed_torque_waits_for_the_topic_before_it_starts(ros: Ros) -> None:
     graph, client = ros
     process = graph.start('computed_torque', **control())
     descriptions = client.node.create_publisher(String, TOPIC, qos.LATCHED)
@@ -209,7 +207,7 @@ def test_computed_torque_waits_for_the_topic_before_it_starts(ros: tuple[Graph, 
     ids=['missing', 'zero'],
 )
 def test_computed_torque_does_not_start_without_limits_of_the_urdf(
-    ros: tuple[Graph, Client], text: str, sentence: str
+    ros: Ros, text: str, sentence: str
 ) -> None:
     graph, _ = ros
     process = graph.start('computed_torque', **control(robot_description=text))

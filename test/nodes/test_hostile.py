@@ -17,7 +17,16 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from nodes import toy
-from nodes.test_serve import EXPECTED, GOOD, point, REFERENCE, start_serve, TORQUE, trajectory
+from nodes.test_serve import (
+    exchange,
+    EXPECTED,
+    GOOD,
+    point,
+    REFERENCE,
+    start_serve,
+    TORQUE,
+    trajectory,
+)
 import numpy as np
 import psutil
 from rcl_interfaces.msg import Parameter, ParameterValue
@@ -37,7 +46,7 @@ from lip_id_ros.nodes.plans import Planned, PlanWorker
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Client, Ros
 
 pytestmark = pytest.mark.ros
 
@@ -60,21 +69,16 @@ def change(label: str) -> ChangeState.Request:
 
 
 def set_absurd_parameter(client: Client, node: str) -> None:
-    """Set a parameter of a type that there is not."""
     absurd = Parameter(name='executor', value=ParameterValue(type=99))
     client.call(
         SetParameters, f'/{node}/set_parameters', SetParameters.Request(parameters=[absurd])
     )
 
 
-def test_wrong_requests_are_answered_and_serve_lives(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
+def test_wrong_requests_are_answered_and_serve_lives(ros: Ros, model_path: str) -> None:
     graph, client = ros
     serve = start_serve(graph, model_path=model_path)
-    torques = client.listen(JointState, TORQUE)
-    publisher = client.speak(JointTrajectory, REFERENCE)
-    client.status('serve', lambda status: status['state'] == 'active')
+    _, torques, publisher = exchange(ros)
     for number in NOT_WHILE_ACTIVE:
         assert not client.transition(number), number
     assert not client.call(ChangeState, '/serve/change_state', change('no such')).success
@@ -112,9 +116,7 @@ def test_wrong_requests_are_answered_and_serve_lives(
     'node',
     ['train', 'monitor', 'computed_torque', 'simulated_panda', 'simulated_arm', 'reference'],
 )
-def test_an_absurd_parameter_ends_no_node(
-    ros: tuple[Graph, Client], model_path: str, node: str
-) -> None:
+def test_an_absurd_parameter_ends_no_node(ros: Ros, model_path: str, node: str) -> None:
     graph, client = ros
     parameters: dict[str, dict[str, Any]] = {
         'monitor': {'model_path': model_path},
@@ -133,7 +135,7 @@ def test_an_absurd_parameter_ends_no_node(
 
 
 @pytest.mark.parametrize('node', ['train', 'monitor'])
-def test_random_bytes_end_no_node(ros: tuple[Graph, Client], model_path: str, node: str) -> None:
+def test_random_bytes_end_no_node(ros: Ros, model_path: str, node: str) -> None:
     graph, client = ros
     settings = {'model_path': model_path} if node == 'monitor' else {'record_on_start': True}
     process = graph.start(node, **settings)
@@ -153,7 +155,7 @@ def test_random_bytes_end_no_node(ros: tuple[Graph, Client], model_path: str, no
 
 
 def test_a_publisher_whose_quality_of_service_does_not_fit_is_warned_of(
-    serving: tuple[Graph, Client],
+    serving: Ros,
 ) -> None:
     _, client = serving
     status = client.status('serve', lambda status: status['state'] == 'active')
@@ -177,15 +179,13 @@ def test_a_publisher_whose_quality_of_service_does_not_fit_is_warned_of(
 
 
 def test_long_plans_are_computed_beside_the_stream(
-    ros: tuple[Graph, Client], model_path: str, foreign_model_path: str, tmp_path: Path
+    ros: Ros, model_path: str, foreign_model_path: str, tmp_path: Path
 ) -> None:
     graph, client = ros
     path = shutil.copy(model_path, tmp_path / 'served.npz')
     start_serve(graph, model_path=str(path), torque_limits=[3.0, 100.0], rate_limits=[1e6])
-    torques = client.listen(JointState, TORQUE)
+    _, torques, publisher = exchange(ros)
     answers = client.listen(JointTrajectory, PLAN)
-    publisher = client.speak(JointTrajectory, REFERENCE)
-    client.status('serve', lambda status: status['state'] == 'active')
     shutil.copy(foreign_model_path, path)  # changes the file, not what is served
     long, too_long = plan(3000), plan(12_000)
     publisher.publish(too_long)
@@ -219,7 +219,6 @@ def test_long_plans_are_computed_beside_the_stream(
 
 
 def test_a_worker_that_stands_still_holds_up_no_reload(model_path: str) -> None:
-    """The stream stood still for two seconds, and the process was left as a zombie."""
     worker = PlanWorker(ModelFile(model_path))
     worker.submit(serialize_message(plan(2)), ServeSettings())
     wait_until(worker.take, 'a plan')
@@ -230,7 +229,6 @@ def test_a_worker_that_stands_still_holds_up_no_reload(model_path: str) -> None:
 
 
 def held(worker: PlanWorker) -> subprocess.Popen[bytes]:
-    """Let the process of plans stand still."""
     process = worker._process
     assert process is not None
     suspend(psutil.Process(process.pid))
@@ -271,7 +269,6 @@ def test_a_newer_plan_or_a_change_interrupts_those_that_wait(model_path: str) ->
 def test_a_process_of_plans_that_stands_still_is_replaced(
     model_path: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Eight plans waited without end."""
     worker = PlanWorker(ModelFile(model_path))
     raw = serialize_message(plan(2))
     worker.submit(raw, ServeSettings())
@@ -287,10 +284,7 @@ def test_a_process_of_plans_that_stands_still_is_replaced(
     worker.stop()
 
 
-def test_the_process_of_plans_is_there_before_the_first(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
-    """The first long plan came out half a second after its begin."""
+def test_the_process_of_plans_is_there_before_the_first(ros: Ros, model_path: str) -> None:
     graph, client = ros
     serve = graph.start('serve', model_path=model_path, autostart=False)
     client.status('serve', lambda status: status['state'] == 'unconfigured')
@@ -312,9 +306,7 @@ def test_too_many_plans_do_not_wait(model_path: str) -> None:
     assert worker.stop() == plans.MOST_WAITING == 8
 
 
-def test_a_long_plan_does_not_come_out_after_a_newer_short_one(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
+def test_a_long_plan_does_not_come_out_after_a_newer_short_one(ros: Ros, model_path: str) -> None:
     graph, client = ros
     start_serve(graph, model_path=model_path)
     answers = client.listen(JointTrajectory, PLAN)
@@ -339,9 +331,7 @@ def test_points_are_counted_without_being_read() -> None:
                         count_points(raw[:cut])
 
 
-def test_every_message_to_any_node_is_used_or_refused(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
+def test_every_message_to_any_node_is_used_or_refused(ros: Ros, model_path: str) -> None:
     graph, client = ros
     limits = {'joints': list(toy.JOINTS), 'torque_limits': [5.0, 3.0]}
     start_serve(graph, model_path=model_path, **limits)

@@ -28,7 +28,7 @@ from lip_id_ros.recording import read_bag
 from lip_id_ros.settings import RecordingSettings
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Graph, Ros
 
 try:
     get_package_share_path('lip_id_ros')
@@ -66,7 +66,7 @@ def limited(graph: Graph) -> str:
     return 'params_file:=limits.yaml'
 
 
-def test_two_arms_are_served_side_by_side(ros: tuple[Graph, Client], model_path: str) -> None:
+def test_two_arms_are_served_side_by_side(ros: Ros, model_path: str) -> None:
     graph, client = ros
     arguments = (f'model_path:={model_path}', limited(graph))
     with (
@@ -87,7 +87,7 @@ def test_two_arms_are_served_side_by_side(ros: tuple[Graph, Client], model_path:
         assert not right
 
 
-def test_two_arms_are_recorded_side_by_side(ros: tuple[Graph, Client], tmp_path: Path) -> None:
+def test_two_arms_are_recorded_side_by_side(ros: Ros, tmp_path: Path) -> None:
     graph, client = ros
     for arm in ('left', 'right'):
         (tmp_path / arm).mkdir()
@@ -122,9 +122,7 @@ def test_two_arms_are_recorded_side_by_side(ros: tuple[Graph, Client], tmp_path:
     assert not (tmp_path / 'unsaved.mcap').exists()
 
 
-def test_both_nodes_of_two_arms_share_a_graph(
-    ros: tuple[Graph, Client], model_path: str, tmp_path: Path
-) -> None:
+def test_both_nodes_of_two_arms_share_a_graph(ros: Ros, model_path: str, tmp_path: Path) -> None:
     graph, client = ros
     parameters = tmp_path / 'arm.yaml'
     parameters.write_text(
@@ -222,7 +220,7 @@ def test_a_launch_with_wrong_arguments_starts_nothing(
     ],
 )
 def test_arguments_that_are_not_given_leave_the_file_as_it_is(
-    name: str, given: tuple[str, ...], state: str, ros: tuple[Graph, Client], model_path: str
+    name: str, given: tuple[str, ...], state: str, ros: Ros, model_path: str
 ) -> None:
     graph, client = ros
     (graph.folder / 'arm.yaml').write_text(
@@ -247,7 +245,7 @@ def test_the_example_of_ros2_control_is_about_the_same_joints() -> None:
 
 
 @pytest.mark.parametrize('name', ['panda.yaml', 'ur10.yaml', 'serve.yaml'])
-def test_serve_takes_its_parameters_from_a_file(name: str, ros: tuple[Graph, Client]) -> None:
+def test_serve_takes_its_parameters_from_a_file(name: str, ros: Ros) -> None:
     graph, client = ros
     path = get_package_share_path('lip_id_ros') / 'config' / name
     with launched(
@@ -257,7 +255,7 @@ def test_serve_takes_its_parameters_from_a_file(name: str, ros: tuple[Graph, Cli
     assert 'is not a setting' not in log.read_text()
 
 
-def test_train_takes_its_parameters_from_a_file(ros: tuple[Graph, Client]) -> None:
+def test_train_takes_its_parameters_from_a_file(ros: Ros) -> None:
     graph, client = ros
     share = get_package_share_path('lip_id_ros')
     panda = share / 'config' / 'panda.yaml'
@@ -266,14 +264,14 @@ def test_train_takes_its_parameters_from_a_file(ros: tuple[Graph, Client]) -> No
     assert status['joint_names'] == [f'panda_joint{number}' for number in range(1, 8)]
 
 
-def test_the_node_ends_well_with_its_launch(ros: tuple[Graph, Client], model_path: str) -> None:
+def test_the_node_ends_well_with_its_launch(ros: Ros, model_path: str) -> None:
     graph, client = ros
     with launched(graph, 'serve.launch.py', f'model_path:={model_path}', limited(graph)) as log:
         client.status('serve', lambda status: status['state'] == 'active')
     assert 'process has finished cleanly' in log.read_text()
 
 
-def test_an_arm_is_watched(ros: tuple[Graph, Client], model_path: str) -> None:
+def test_an_arm_is_watched(ros: Ros, model_path: str) -> None:
     graph, client = ros
     arguments = (f'model_path:={model_path}', 'namespace:=left', 'joint_states:=/cell/states')
     with launched(graph, 'monitor.launch.py', *arguments):
@@ -291,7 +289,7 @@ def test_every_launch_file_takes_the_usual_arguments(name: str) -> None:
     assert {'params_file', 'namespace', 'use_sim_time'} <= names
 
 
-def test_the_demo_runs_in_a_namespace(ros: tuple[Graph, Client], tmp_path: Path) -> None:
+def test_the_demo_runs_in_a_namespace(ros: Ros, tmp_path: Path) -> None:
     graph, client = ros
     with launched(graph, 'demo.launch.py', f'output:={tmp_path}', 'namespace:=cell'):
         assert client.status('cell/train', lambda status: True)['rows'] == 0

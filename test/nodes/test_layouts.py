@@ -16,7 +16,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 from nodes.test_serve import start_serve
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Ros
 
 pytestmark = pytest.mark.ros
 
@@ -35,7 +35,6 @@ def plotjuggler_curves() -> list[str]:
 
 
 def panels(node: Any) -> Iterator[str]:
-    """Names of the panels in a tree of splits."""
     if isinstance(node, str):
         yield node
     else:
@@ -84,9 +83,7 @@ def of_the_node(node: Any) -> dict[str, set[str]]:
     return {kind: names - of_any for kind, names in found.items()}
 
 
-def test_layouts_and_documentation_name_what_is_there(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
+def test_layouts_and_documentation_name_what_is_there(ros: Ros, model_path: str) -> None:
     graph, client = ros
     everything = ('publish_parts', 'publish_std', 'publish_commands', 'follow_controller')
     start_serve(graph, model_path=model_path, **dict.fromkeys(everything, True))

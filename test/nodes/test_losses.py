@@ -24,7 +24,7 @@ from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.losses import Losses
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Ros
 
 pytestmark = pytest.mark.ros
 
@@ -53,9 +53,8 @@ def received(status: dict[str, Any], topic: str) -> int:
     ],
 )
 def test_messages_that_are_overwritten_in_a_queue_are_counted(
-    ros: tuple[Graph, Client], model_path: str, name: str, topic: str, count: int, executor: str
+    ros: Ros, model_path: str, name: str, topic: str, count: int, executor: str
 ) -> None:
-    """A node that stood still got a part of them, and said nothing of the others."""
     graph, client = ros
     settings: dict[str, dict[str, Any]] = {
         'train': {'record_on_start': True},
@@ -100,9 +99,7 @@ def test_messages_that_are_overwritten_in_a_queue_are_counted(
     assert re.search(rf'messages lost before they were taken: \d+ of {topic}', node.log)
 
 
-def test_references_of_two_publishers_are_not_taken_for_lost(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
+def test_references_of_two_publishers_are_not_taken_for_lost(ros: Ros, model_path: str) -> None:
     """Each publisher numbers its own messages, and nothing tells which of them is whose."""
     graph, client = ros
     start_serve(graph, model_path=model_path)
@@ -126,7 +123,7 @@ def test_references_of_two_publishers_are_not_taken_for_lost(
 
 
 def test_a_monitor_at_a_thousand_hertz_accounts_for_every_joint_state(
-    ros: tuple[Graph, Client], model_path: str
+    ros: Ros, model_path: str
 ) -> None:
     """A burst of a fifth of a second waits for it; none of it was lost in its own queue."""
     graph, client = ros

@@ -22,7 +22,7 @@ from lip_id_ros.recording import Bag, read_bag
 from lip_id_ros.settings import Config, FitSettings, PreprocessingSettings, RecordingSettings
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Graph, Ros
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -42,7 +42,7 @@ def replay(graph: Graph, bag: Path, *arguments: str) -> None:
     run_to_end(command, graph.folder, env=graph.environment).check_returncode()
 
 
-def test_a_folder_without_a_bag_gives_one_line(ros: tuple[Graph, Client], tmp_path: Path) -> None:
+def test_a_folder_without_a_bag_gives_one_line(ros: Ros, tmp_path: Path) -> None:
     with pytest.raises(subprocess.CalledProcessError) as failed:
         replay(ros[0], tmp_path / 'absent')
     assert failed.value.returncode == 1
@@ -63,7 +63,7 @@ def ur10_model(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> s
 
 
 def test_a_ur10_is_served_its_own_validation_trajectory(
-    ros: tuple[Graph, Client], shared_data: Path, ur10_model: str
+    ros: Ros, shared_data: Path, ur10_model: str
 ) -> None:
     graph, client = ros
     graph.start('serve', model_path=ur10_model, torque_limits=[330.0] * 2 + [150.0] + [56.0] * 3)
@@ -90,7 +90,7 @@ PANDA_LIMITS = [87.0] * 4 + [12.0] * 3
 
 
 def test_a_panda_is_recorded_fitted_and_served(
-    ros: tuple[Graph, Client], shared_data: Path, tmp_path: Path
+    ros: Ros, shared_data: Path, tmp_path: Path
 ) -> None:
     """docs/tutorials/record-fit-serve.md, at ten times the speed and with a smaller fit."""
     graph, client = ros

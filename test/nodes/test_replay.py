@@ -17,13 +17,12 @@ from sensor_msgs.msg import JointState
 from lip_id_ros.recording.bag_writer import JointStateTrack, write_mcap
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph, Process
+    from nodes.ros_graph import Graph, Process, Ros
 
 pytestmark = pytest.mark.ros
 
 
 def bag(folder: Path, *topics: str, gap_s: float = 0.1) -> str:
-    """Write a bag of two messages on each topic."""
     t, values = 1e9 + gap_s * np.arange(2.0), np.ones((2, 1))
     tracks = [JointStateTrack(topic, ('a',), t, values, values, values) for topic in topics]
     write_mcap(folder / 'bag.mcap', tracks)
@@ -34,9 +33,7 @@ def replay(graph: Graph, *arguments: str) -> Process:
     return graph.start_program('replay', ['-m', 'lip_id_ros.nodes.replay', *arguments])
 
 
-def test_a_topic_that_ros_cannot_name_is_left_out(
-    ros: tuple[Graph, Client], tmp_path: Path
-) -> None:
+def test_a_topic_that_ros_cannot_name_is_left_out(ros: Ros, tmp_path: Path) -> None:
     graph, client = ros
     received = client.await_topic(JointState, '/left/joint_states')
     player = replay(graph, bag(tmp_path, '/right arm/joint_states', '/left/joint_states'))
@@ -53,7 +50,7 @@ def test_a_topic_that_ros_cannot_name_is_left_out(
     ],
 )
 def test_what_cannot_be_published_gives_one_line(
-    options: list[str], sentence: str, ros: tuple[Graph, Client], tmp_path: Path
+    options: list[str], sentence: str, ros: Ros, tmp_path: Path
 ) -> None:
     player = replay(ros[0], bag(tmp_path, '/right arm/joint_states'), *options)
     assert player.wait() == 1
@@ -63,7 +60,7 @@ def test_what_cannot_be_published_gives_one_line(
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_pause_of_the_recording_is_logged_and_can_be_ended(
-    number: int, ros: tuple[Graph, Client], tmp_path: Path
+    number: int, ros: Ros, tmp_path: Path
 ) -> None:
     graph, client = ros
     client.await_topic(JointState, '/joint_states')

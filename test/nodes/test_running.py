@@ -94,6 +94,7 @@ for given in (
     ['-p', 'use_sim_time:=5'],
     ['-p', 'torque_limits:=abc'],
     ['-p', 'ramp_s:=-1.0'],
+    ['-p', 'torque_limit:=[1.0]'],
     ['--params-file', 'none.yaml'],
 ):
     print(running.run(ServeNode, ['--ros-args', *given]))
@@ -106,7 +107,7 @@ def test_wrong_arguments_end_a_node_with_a_sentence_each(tmp_path: Path) -> None
         tmp_path,
         env={**os.environ, 'ROS_LOG_DIR': str(tmp_path)},
     )
-    assert ended.stdout.split() == ['1'] * 5, ended.stderr
+    assert ended.stdout.split() == ['1'] * 6, ended.stderr
     assert 'Traceback' not in ended.stderr
     logged = [line.partition('[lip_id_ros]: ')[2] for line in ended.stderr.splitlines()]
     sentences = [text for text in logged if text]
@@ -117,7 +118,8 @@ def test_wrong_arguments_end_a_node_with_a_sentence_each(tmp_path: Path) -> None
         "'abc'."
     )
     assert sentences[3].startswith('Parameter ramp_s out of range Min: 0.0')
-    assert "Couldn't parse params file" in sentences[4]
+    assert "did you mean 'torque_limits'?" in sentences[4]
+    assert "Couldn't parse params file" in sentences[5]
 
 
 class Busy(SingleThreadedExecutor):
@@ -177,7 +179,6 @@ def test_each_reason_is_logged_by_a_clock_that_nobody_sets_back(
 
 
 def test_a_parameter_that_there_is_not_is_refused_by_its_name() -> None:
-    """The reason of rclpy has no name."""
     with free_domain() as domain:
         rclpy.init(domain_id=domain)
         node = NodeBase('set', parameters_of(ServeSettings))

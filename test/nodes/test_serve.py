@@ -23,7 +23,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from lip_id_ros.nodes import messages
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph, Process
+    from nodes.ros_graph import Client, Graph, Process, Ros
 
 pytestmark = pytest.mark.ros
 
@@ -52,7 +52,16 @@ def start_serve(graph: Graph, **parameters: Any) -> Process:
     return graph.start('serve', **{**usual, **parameters})
 
 
-def test_a_sample_is_answered_with_torque_and_energies(serving: tuple[Graph, Client]) -> None:
+def exchange(ros: Ros) -> tuple[Client, list[Any], Any]:
+    """Return the client of an active `serve`, its torques, and a publisher of references."""
+    _, client = ros
+    torques = client.listen(JointState, TORQUE)
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    return client, torques, publisher
+
+
+def test_a_sample_is_answered_with_torque_and_energies(serving: Ros) -> None:
     _, client = serving
     torques = client.listen(JointState, TORQUE)
     kinetic = client.listen(Float64, '/serve/kinetic_energy')
@@ -78,7 +87,7 @@ def test_a_sample_is_answered_with_torque_and_energies(serving: tuple[Graph, Cli
     assert torques[1].effort == torques[0].effort
 
 
-def test_a_plan_comes_back_with_efforts(serving: tuple[Graph, Client]) -> None:
+def test_a_plan_comes_back_with_efforts(serving: Ros) -> None:
     _, client = serving
     client.set_parameter('serve', 'torque_limits', [4.0, 100.0])
     plans = client.listen(JointTrajectory, '/serve/trajectory_with_effort')
@@ -99,7 +108,7 @@ def test_a_plan_comes_back_with_efforts(serving: tuple[Graph, Client]) -> None:
     assert plans[0] == plan
 
 
-def test_bad_references_are_counted_and_the_node_lives(serving: tuple[Graph, Client]) -> None:
+def test_bad_references_are_counted_and_the_node_lives(serving: Ros) -> None:
     graph, client = serving
     serve = graph.processes[0]
     torques = client.listen(JointState, TORQUE)
@@ -132,9 +141,7 @@ def test_bad_references_are_counted_and_the_node_lives(serving: tuple[Graph, Cli
     assert 'refused a message (no points): a trajectory needs at least one point' in serve.log
 
 
-def test_lifecycle_without_autostart(
-    ros: tuple[Graph, Client], model_path: str, foreign_model_path: str
-) -> None:
+def test_lifecycle_without_autostart(ros: Ros, model_path: str, foreign_model_path: str) -> None:
     graph, client = ros
     serve = start_serve(graph, autostart=False, joints=list(SWAPPED))
     torques = client.listen(JointState, TORQUE)
@@ -176,9 +183,7 @@ def test_lifecycle_without_autostart(
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_the_last_word_is_zero_torque(
-    ros: tuple[Graph, Client], model_path: str, number: int
-) -> None:
+def test_the_last_word_is_zero_torque(ros: Ros, model_path: str, number: int) -> None:
     graph, client = ros
     joints = ['elbow', 'shoulder']  # the order of commands, which have no names
     serve = start_serve(graph, model_path=model_path, publish_commands=True, joints=joints)
@@ -207,9 +212,7 @@ rclpy.spin(node)
 """
 
 
-def test_the_last_word_reaches_a_controller_that_is_late(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
+def test_the_last_word_reaches_a_controller_that_is_late(ros: Ros, model_path: str) -> None:
     """A process that does not run for a while, as on a loaded machine, hears the zero too."""
     graph, client = ros
     serve = start_serve(graph, model_path=model_path, publish_commands=True)
@@ -232,10 +235,8 @@ def test_the_last_word_reaches_a_controller_that_is_late(
     assert serve.wait() == 0, serve.log
 
 
-def test_disabled_means_silent_after_one_zero(serving: tuple[Graph, Client]) -> None:
-    _, client = serving
-    torques = client.listen(JointState, TORQUE)
-    publisher = client.speak(JointTrajectory, REFERENCE)
+def test_disabled_means_silent_after_one_zero(serving: Ros) -> None:
+    client, torques, publisher = exchange(serving)
     assert client.switch('/serve/enable', False).success
     publisher.publish(GOOD)
     status = client.status('serve', lambda status: status['refused'])
@@ -248,11 +249,9 @@ def test_disabled_means_silent_after_one_zero(serving: tuple[Graph, Client]) -> 
 
 
 def test_limits_change_while_it_runs_and_wrong_ones_are_refused(
-    serving: tuple[Graph, Client],
+    serving: Ros,
 ) -> None:
-    _, client = serving
-    torques = client.listen(JointState, TORQUE)
-    publisher = client.speak(JointTrajectory, REFERENCE)
+    client, torques, publisher = exchange(serving)
     result = client.set_parameter('serve', 'torque_limits', [1.0, 2.0, 3.0])
     assert result.reason.startswith('torque_limits must hold one value per joint (2)')
     result = client.set_parameter('serve', 'joints', ['left', 'right'])
@@ -266,11 +265,9 @@ def test_limits_change_while_it_runs_and_wrong_ones_are_refused(
 
 
 def test_reload_swaps_the_model_or_keeps_the_old_one(
-    serving: tuple[Graph, Client], model_path: str, foreign_model_path: str, tmp_path: Path
+    serving: Ros, model_path: str, foreign_model_path: str, tmp_path: Path
 ) -> None:
-    _, client = serving
-    torques = client.listen(JointState, TORQUE)
-    publisher = client.speak(JointTrajectory, REFERENCE)
+    client, torques, publisher = exchange(serving)
     publisher.publish(GOOD)
     client.set_parameter('serve', 'model_path', foreign_model_path)
     answer = client.trigger('/serve/reload_model')
@@ -294,9 +291,7 @@ def answered(torques: list[Any], before: int) -> bool:
     return len(torques) > before
 
 
-def test_payloads_are_switched_without_a_reload(
-    ros: tuple[Graph, Client], model_path: str, tmp_path: Path
-) -> None:
+def test_payloads_are_switched_without_a_reload(ros: Ros, model_path: str, tmp_path: Path) -> None:
     graph, client = ros
     toy.model_with_weight(2.0).save(tmp_path / 'heavy.npz')
     heavy = str(tmp_path / 'heavy.npz')

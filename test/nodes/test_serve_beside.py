@@ -19,16 +19,14 @@ from trajectory_msgs.msg import JointTrajectory
 from lip_id_ros.nodes import messages
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Ros
 
 pytestmark = pytest.mark.ros
 
 PARTS = ('inertial', 'coriolis', 'gravity', 'friction')
 
 
-def test_the_reference_of_a_running_controller_is_followed(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
+def test_the_reference_of_a_running_controller_is_followed(ros: Ros, model_path: str) -> None:
     control_msgs = pytest.importorskip('control_msgs.msg')
     graph, client = ros
     start_serve(graph, model_path=model_path, follow_controller=True)
@@ -48,7 +46,7 @@ def test_the_reference_of_a_running_controller_is_followed(
 
 
 def test_parts_and_standard_deviations_are_published_where_asked_for(
-    ros: tuple[Graph, Client], model_path: str
+    ros: Ros, model_path: str
 ) -> None:
     graph, client = ros
     start_serve(
@@ -83,7 +81,7 @@ def test_parts_and_standard_deviations_are_published_where_asked_for(
 
 
 def test_measured_joint_states_give_energies_and_a_torque_residual(
-    serving: tuple[Graph, Client],
+    serving: Ros,
 ) -> None:
     _, client = serving
     client.set_parameter('serve', 'residual_cutoff_hz', 50.0)
@@ -110,24 +108,7 @@ def test_measured_joint_states_give_energies_and_a_torque_residual(
     client.status('serve', lambda status: status['unmeasured'] == {'joint missing': 1})
 
 
-def test_joint_states_by_two_clocks_are_told(ros: tuple[Graph, Client], model_path: str) -> None:
-    graph, client = ros
-    start_serve(graph, model_path=model_path)
-    client.status('serve', lambda status: status['state'] == 'active')
-    kinetic = client.listen(Float64, '/serve/measured/kinetic_energy')
-    publisher = client.speak(JointState, '/joint_states')
-    message = JointState(name=toy.JOINTS, position=[0.1, 0.2], velocity=[1.0, 1.0])
-    for row in range(20):
-        for begun_s in (1_000_000_000, 1_000_000_003):
-            message.header.stamp = messages.stamp_at(10**9 * begun_s + 10**7 * row)
-            publisher.publish(message)
-        client.wait_until(lambda: len(kinetic) > row, 'energy')  # noqa: B023
-    reasons = {'stamp far ahead': 20}
-    status = client.status('serve', lambda status: status['unmeasured'] == reasons)
-    assert status['answered']['measured'] == 20
-
-
-def test_a_plan_that_comes_out_after_its_begin_is_told(serving: tuple[Graph, Client]) -> None:
+def test_a_plan_that_comes_out_after_its_begin_is_told(serving: Ros) -> None:
     _, client = serving
     plans = client.listen(JointTrajectory, '/serve/trajectory_with_effort')
     publisher = client.speak(JointTrajectory, REFERENCE)
@@ -142,9 +123,7 @@ def test_a_plan_that_comes_out_after_its_begin_is_told(serving: tuple[Graph, Cli
     assert status['late_plans'] == 1
 
 
-def test_standard_deviations_that_do_not_come_are_told(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
+def test_standard_deviations_that_do_not_come_are_told(ros: Ros, model_path: str) -> None:
     graph, client = ros
     serve = start_serve(graph, model_path=model_path, publish_std=True, std_rate_hz=100.0)
     deviations = client.listen(JointState, '/serve/torque_std')

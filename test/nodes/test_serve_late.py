@@ -11,14 +11,14 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
-from nodes.test_serve import GOOD, REFERENCE, start_serve, TORQUE
+from nodes.test_serve import exchange, GOOD, REFERENCE, start_serve, TORQUE
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.nodes import messages, qos
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Ros
 
 pytestmark = pytest.mark.ros
 
@@ -36,13 +36,11 @@ def stamps(torques: list[JointState]) -> set[int]:
 
 @pytest.mark.parametrize('executor', ['events', 'single_threaded'])
 def test_references_that_waited_while_the_node_stood_still_are_not_answered(
-    ros: tuple[Graph, Client], model_path: str, executor: str
+    ros: Ros, model_path: str, executor: str
 ) -> None:
     graph, client = ros
     serve = start_serve(graph, model_path=model_path, stale_timeout_s=0.5, executor=executor)
-    torques = client.listen(JointState, TORQUE)
-    publisher = client.speak(JointTrajectory, REFERENCE)
-    client.status('serve', lambda status: status['state'] == 'active')
+    _, torques, publisher = exchange(ros)
     publisher.publish(reference(1))
     client.wait_until(lambda: 1 in stamps(torques), 'answer')
     serve.hold()
@@ -63,7 +61,7 @@ def test_references_that_waited_while_the_node_stood_still_are_not_answered(
 
 
 def test_of_references_that_lag_the_newest_is_answered_and_every_plan(
-    serving: tuple[Graph, Client],
+    serving: Ros,
 ) -> None:
     """Without a timeout: nothing is too old, but the queue is emptied."""
     graph, client = serving
@@ -95,21 +93,17 @@ def test_of_references_that_lag_the_newest_is_answered_and_every_plan(
     assert status['answered']['samples'] + overtaken == 21
 
 
-def test_a_stamp_says_how_old_a_reference_is(ros: tuple[Graph, Client], model_path: str) -> None:
+def test_a_stamp_says_how_old_a_reference_is(ros: Ros, model_path: str) -> None:
     graph, client = ros
     start_serve(graph, model_path=model_path, stale_timeout_s=0.5)
-    torques = client.listen(JointState, TORQUE)
-    publisher = client.speak(JointTrajectory, REFERENCE)
-    client.status('serve', lambda status: status['state'] == 'active')
+    _, torques, publisher = exchange(ros)
     publisher.publish(reference(time.time_ns() - 2_000_000_000))
     client.status('serve', lambda status: status['refused'] == {'reference too old': 1})
     assert not torques
 
 
-def test_a_million_names_are_refused_unread(serving: tuple[Graph, Client]) -> None:
-    _, client = serving
-    torques = client.listen(JointState, TORQUE)
-    publisher = client.speak(JointTrajectory, REFERENCE)
+def test_a_million_names_are_refused_unread(serving: Ros) -> None:
+    client, torques, publisher = exchange(serving)
     message = JointTrajectory(joint_names=[f'joint{n}' for n in range(1_000_000)])
     message.points = GOOD.points
     publisher.publish(message)
@@ -118,10 +112,7 @@ def test_a_million_names_are_refused_unread(serving: tuple[Graph, Client]) -> No
     client.status('serve', lambda status: status['refused'] == {'too many joint names': 1})
 
 
-def test_references_of_several_publishers_are_told_or_refused(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
-    """Torques of two streams took turns under the status `answering`."""
+def test_references_of_several_publishers_are_told_or_refused(ros: Ros, model_path: str) -> None:
     graph, client = ros
     start_serve(graph, model_path=model_path)
     torques = client.listen(JointState, TORQUE)
@@ -145,7 +136,7 @@ def test_references_of_several_publishers_are_told_or_refused(
 
 @pytest.mark.parametrize('executor', ['events', 'single_threaded'])
 def test_messages_that_the_middleware_lost_are_told(
-    ros: tuple[Graph, Client], model_path: str, executor: str
+    ros: Ros, model_path: str, executor: str
 ) -> None:
     graph, client = ros
     serve = start_serve(graph, model_path=model_path, executor=executor)

@@ -16,7 +16,14 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from nodes import toy
-from nodes.test_serve import EXPECTED, GOOD, point, REFERENCE, start_serve, TORQUE, trajectory
+from nodes.test_serve import (
+    exchange,
+    EXPECTED,
+    GOOD,
+    point,
+    start_serve,
+    trajectory,
+)
 import numpy as np
 import rclpy
 from rclpy.parameter import Parameter
@@ -24,13 +31,12 @@ from ros_domain import free_domain
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.feedforward import loading
 from lip_id_ros.nodes import serve
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Ros
 
 pytestmark = pytest.mark.ros
 
@@ -42,7 +48,7 @@ def efforts(messages: list[JointState]) -> list[list[float]]:
 
 
 def test_a_silent_stream_gets_zeros_until_it_comes_back_by_a_ramp(
-    ros: tuple[Graph, Client], model_path: str
+    ros: Ros, model_path: str
 ) -> None:
     graph, client = ros
     # a clock of simulation that stands still must not keep the safe torque back
@@ -55,9 +61,7 @@ def test_a_silent_stream_gets_zeros_until_it_comes_back_by_a_ramp(
         safe_ramp_s=0.0,
         use_sim_time=True,
     )
-    torques = client.listen(JointState, TORQUE)
-    publisher = client.speak(JointTrajectory, REFERENCE)
-    client.status('serve', lambda status: status['state'] == 'active')
+    _, torques, publisher = exchange(ros)
     time.sleep(1.2)
     assert not torques  # nobody holds a torque yet
     publisher.publish(GOOD)
@@ -86,9 +90,7 @@ def test_a_silent_stream_gets_zeros_until_it_comes_back_by_a_ramp(
     assert seen == sorted(seen)
 
 
-def test_limits_of_rate_and_range_hold_and_are_counted(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
+def test_limits_of_rate_and_range_hold_and_are_counted(ros: Ros, model_path: str) -> None:
     graph, client = ros
     start_serve(
         graph,
@@ -97,11 +99,9 @@ def test_limits_of_rate_and_range_hold_and_are_counted(
         range_policy='zero',
         publish_commands=True,
     )
-    torques = client.listen(JointState, TORQUE)
+    _, torques, publisher = exchange(ros)
     commands = client.listen(Float64MultiArray, '/serve/commands')
     diagnostics = client.listen(DiagnosticArray, '/diagnostics')
-    publisher = client.speak(JointTrajectory, REFERENCE)
-    client.status('serve', lambda status: status['state'] == 'active')
     # an answer may rise by 0.5 N m, the rate limit times the longest step: seven at least
     while not torques or torques[-1].effort[0] < 0.8 * EXPECTED[0]:
         count = len(torques) + 1
@@ -131,23 +131,7 @@ def test_limits_of_rate_and_range_hold_and_are_counted(
     client.wait_until(warned, 'warning')
 
 
-def test_gravity_is_left_to_the_robot(serving: tuple[Graph, Client]) -> None:
-    _, client = serving
-    client.set_parameter('serve', 'gravity', False)
-    torques = client.listen(JointState, TORQUE)
-    publisher = client.speak(JointTrajectory, REFERENCE)
-    publisher.publish(GOOD)
-    client.wait_until(lambda: torques, 'answer')
-    np.testing.assert_allclose(torques[0].effort, toy.INERTIA * [1.0, -1.0], atol=0.1)
-    assert client.set_parameter('serve', 'gravity', True).successful
-    publisher.publish(GOOD)
-    client.wait_until(lambda: len(torques) == 2, 'answer')
-    np.testing.assert_allclose(torques[1].effort, EXPECTED, atol=0.1)
-
-
-def test_parameters_are_refused_when_they_are_set(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
+def test_parameters_are_refused_when_they_are_set(ros: Ros, model_path: str) -> None:
     graph, client = ros
     start_serve(graph, model_path=model_path, autostart=False)
 
@@ -187,7 +171,7 @@ def test_parameters_are_refused_when_they_are_set(
     client.status('serve', lambda status: status['enabled'])
 
 
-def test_enable_answers_by_its_effect(ros: tuple[Graph, Client], model_path: str) -> None:
+def test_enable_answers_by_its_effect(ros: Ros, model_path: str) -> None:
     """Settings that contradict each other refuse every change, that of the service too."""
     graph, client = ros
     start_serve(graph, model_path=model_path, joints=['shoulder', 'shoulder'])
@@ -202,7 +186,7 @@ def test_enable_answers_by_its_effect(ros: tuple[Graph, Client], model_path: str
 
 
 def test_a_configuration_that_fails_is_an_error_in_the_diagnostics(
-    ros: tuple[Graph, Client], foreign_model_path: str
+    ros: Ros, foreign_model_path: str
 ) -> None:
     graph, client = ros
     start_serve(graph, model_path=foreign_model_path, joints=list(toy.JOINTS))
@@ -213,10 +197,8 @@ def test_a_configuration_that_fails_is_an_error_in_the_diagnostics(
     assert status.message.startswith(f'not configured: {foreign_model_path} must be a model of')
 
 
-def test_a_reload_leaves_no_reference_unanswered(serving: tuple[Graph, Client]) -> None:
-    _, client = serving
-    torques = client.listen(JointState, TORQUE)
-    publisher = client.speak(JointTrajectory, REFERENCE)
+def test_a_reload_leaves_no_reference_unanswered(serving: Ros) -> None:
+    client, torques, publisher = exchange(serving)
     publisher.publish(GOOD)
     client.wait_until(lambda: torques, 'answer')
     stop, sent = threading.Event(), [1]
@@ -279,49 +261,3 @@ def test_a_reload_does_not_outlive_its_configuration(
             node.stop()
             node.destroy_node()
             rclpy.shutdown()
-
-
-@pytest.mark.slow
-def test_ten_thousand_malformed_references_are_counted_each(serving: tuple[Graph, Client]) -> None:
-    graph, client = serving
-    serve = graph.processes[0]
-    client.set_parameter('serve', 'torque_limits', [3.0, 6.0])
-    client.set_parameter('serve', 'rate_limits', [1e6])
-    torques = client.listen(JointState, TORQUE)
-    publisher = client.speak(JointTrajectory, REFERENCE)
-    rng = np.random.default_rng(0)
-    for batch in range(1, 201):
-        for _ in range(50):  # less than the queue holds
-            publisher.publish(malformed(rng))
-        publisher.publish(GOOD)
-        client.wait_until(lambda: len(torques) == batch, f'answer {batch}')  # noqa: B023
-    status = client.status('serve', lambda status: status['answered']['samples'] == 200)
-    assert sum(status['refused'].values()) == 10_000
-    assert len(status['refused']) >= 6
-    assert serve.alive
-    expected = np.clip(EXPECTED, [-3.0, -6.0], [3.0, 6.0])
-    np.testing.assert_allclose(efforts(torques), np.tile(expected, (200, 1)), atol=0.1)
-
-
-def malformed(rng: np.random.Generator) -> JointTrajectory:
-    """Return a reference with one thing wrong, or several."""
-    names = list(toy.JOINTS)
-    points = [point(*rng.normal(size=(3, 2)).tolist()) for _ in range(rng.integers(1, 4))]
-    kind = rng.integers(6)
-    if kind == 0:
-        points = []
-    elif kind == 1:
-        names = [names[0]] * 2
-    elif kind == 2:
-        names = list(rng.choice(['x', '', 'shoulder', 'π'], size=rng.integers(0, 4)))
-        names = [name for name in names if name != 'shoulder']
-    elif kind == 3:
-        which = str(rng.choice(['positions', 'velocities', 'accelerations']))
-        setattr(rng.choice(points), which, [0.0] * int(rng.choice([0, 1, 3, 50])))
-    elif kind == 4:
-        which = str(rng.choice(['positions', 'velocities', 'accelerations']))
-        getattr(rng.choice(points), which)[rng.integers(2)] = rng.choice([math.nan, math.inf])
-    else:
-        names = [*names, 'tool']
-        points = [point(*rng.normal(size=(3, 3)).tolist()) for _ in range(2)]
-    return trajectory(tuple(names), *points)

@@ -24,7 +24,7 @@ from trajectory_msgs.msg import JointTrajectory
 from lip_id_ros.nodes import messages
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Graph, Ros
 
 pytestmark = pytest.mark.ros
 
@@ -34,7 +34,6 @@ UNLIMITED = 'torques are not limited, and neither are their steps'
 
 @contextmanager
 def clock(graph: Graph, start_s: float) -> Iterator[None]:
-    """Publish /clock in a process while the block runs."""
     program = Path(__file__).with_name('clock.py')
     process = subprocess.Popen([sys.executable, program, str(start_s)], env=graph.environment)
     try:
@@ -44,7 +43,7 @@ def clock(graph: Graph, start_s: float) -> Iterator[None]:
         process.wait()
 
 
-def test_train_records_a_simulation_that_is_started_twice(ros: tuple[Graph, Client]) -> None:
+def test_train_records_a_simulation_that_is_started_twice(ros: Ros) -> None:
     graph, client = ros
     graph.start('train', use_sim_time=True, record_on_start=True)
     publisher = joint_publisher(client)  # no clock yet: the status comes all the same
@@ -70,17 +69,13 @@ def test_train_records_a_simulation_that_is_started_twice(ros: tuple[Graph, Clie
     assert (status['rows'], status['rejected']) == (40, {})
 
 
-def test_simulated_time_without_a_clock_is_told(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
+def test_simulated_time_without_a_clock_is_told(ros: Ros, model_path: str) -> None:
     graph, client = ros
     graph.start('serve', model_path=model_path, use_sim_time=True, torque_limits=[1.0])
     client.status('serve', lambda status: 'but /clock has no time' in status['summary'])
 
 
-def test_serve_stamps_by_the_clock_of_the_simulation(
-    ros: tuple[Graph, Client], model_path: str
-) -> None:
+def test_serve_stamps_by_the_clock_of_the_simulation(ros: Ros, model_path: str) -> None:
     graph, client = ros
     unstamped = JointTrajectory(joint_names=GOOD.joint_names, points=GOOD.points)
     with clock(graph, 500.0):

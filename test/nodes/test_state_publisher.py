@@ -26,7 +26,7 @@ from lip_id_ros.export.urdf import to_urdf
 from lip_id_ros.nodes import qos
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Ros
 
 pytestmark = pytest.mark.ros
 NAME = 'robot_state_publisher'
@@ -50,7 +50,7 @@ def published(transform: Any) -> tuple[Array, Array]:
     return rotation, np.array([at.x, at.y, at.z])
 
 
-def test_it_publishes_the_frames_of_the_arm(ros: tuple[Graph, Client], tmp_path: Path) -> None:
+def test_it_publishes_the_frames_of_the_arm(ros: Ros, tmp_path: Path) -> None:
     graph, client = ros
     arm = random_arm('RPRRRR')
     text, parameters = to_urdf(arm), tmp_path / 'parameters.yaml'

@@ -24,7 +24,7 @@ from lip_id_ros.simulation import GrowingCosine
 from lip_id_ros.simulation.torque_controlled import panda_setup, POSTURE
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Ros
 
 try:
     get_package_share_path('lip_id_ros')
@@ -54,7 +54,7 @@ def panda_model(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def test_the_arm_follows_the_reference_through_serve_and_controller(
-    ros: tuple[Graph, Client], panda_model: str, tmp_path: Path
+    ros: Ros, panda_model: str, tmp_path: Path
 ) -> None:
     graph, client = ros
     config = yaml.safe_load(

@@ -11,7 +11,6 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
-from builtin_interfaces.msg import Time
 from nodes import toy
 import numpy as np
 from rclpy.duration import Duration
@@ -24,7 +23,7 @@ from lip_id_ros.recording import Bag, read_bag, read_sources
 from lip_id_ros.settings import RecordingSettings
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Client, Ros
 
 pytestmark = pytest.mark.ros
 
@@ -72,7 +71,7 @@ def start_recording(client: Client) -> None:
     assert client.switch('/train/record', True).success
 
 
-def test_records_fits_and_saves(ros: tuple[Graph, Client], tmp_path: Path) -> None:
+def test_records_fits_and_saves(ros: Ros, tmp_path: Path) -> None:
     graph, client = ros
     train = graph.start(
         'train',
@@ -114,9 +113,7 @@ def test_records_fits_and_saves(ros: tuple[Graph, Client], tmp_path: Path) -> No
     assert not (tmp_path / 'unsaved.mcap').exists()
 
 
-def test_a_data_set_of_a_part_does_not_count_as_saved(
-    ros: tuple[Graph, Client], tmp_path: Path
-) -> None:
+def test_a_data_set_of_a_part_does_not_count_as_saved(ros: Ros, tmp_path: Path) -> None:
     graph, client = ros
     train = graph.start('train', record_on_start=True, preprocessing__max_samples=20)
     publish_motion(client, 300)
@@ -130,40 +127,8 @@ def test_a_data_set_of_a_part_does_not_count_as_saved(
     assert read_bag(tmp_path / 'unsaved.mcap').n_samples == 300
 
 
-def test_bad_messages_are_counted_and_the_node_lives(ros: tuple[Graph, Client]) -> None:
-    graph, client = ros
-    train = graph.start('train')
-    start_recording(client)
-    publisher = joint_publisher(client)
-    bad: dict[str, dict[str, Any]] = {
-        'no joint names': {'name': []},
-        'joint missing': {'name': ['shoulder', 'wrist']},
-        'only foreign joints': {'name': ['a', 'b']},
-        'joint name repeated': {'name': ['elbow', 'elbow']},
-        'position empty': {'position': []},
-        'velocity not as long as names': {'velocity': [1.0]},
-        'effort not as long as names': {'effort': [1.0, 2.0, 3.0]},
-        'value not finite': {'effort': [float('nan'), 0.0]},
-    }
-    publisher.publish(joint_state(1))
-    for row, changes in enumerate(bad.values(), start=2):
-        publisher.publish(joint_state(row, **changes))
-    publisher.publish(joint_state(1))
-    publisher.publish(joint_state(0))
-    unstamped = joint_state(0)
-    unstamped.header.stamp = Time()
-    publisher.publish(unstamped)
-    publisher.publish(joint_state(50))
-    expected = dict.fromkeys([*bad, 'stamp repeated', 'stamp went back', 'stamp zero'], 1)
-    status = client.status('train', lambda status: status['rows'] == 2)
-    assert status['rejected'] == expected
-    assert train.alive
-
-
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_what_was_recorded_outlives_the_node(
-    ros: tuple[Graph, Client], tmp_path: Path, number: int
-) -> None:
+def test_what_was_recorded_outlives_the_node(ros: Ros, tmp_path: Path, number: int) -> None:
     graph, client = ros
     train = graph.start('train', record_on_start=True, unsaved_path='kept.mcap')
     publish_motion(client, 50)
@@ -176,9 +141,7 @@ def test_what_was_recorded_outlives_the_node(
     np.testing.assert_array_equal(samples.position, toy.motion(50)[1])
 
 
-def test_a_kept_bag_has_frames_and_other_joints_as_they_came(
-    ros: tuple[Graph, Client], tmp_path: Path
-) -> None:
+def test_a_kept_bag_has_frames_and_other_joints_as_they_came(ros: Ros, tmp_path: Path) -> None:
     graph, client = ros
     train = graph.start('train', record_on_start=True, recording__joints=list(toy.JOINTS))
     sent = []
@@ -218,9 +181,7 @@ raise SystemExit(running.run(Busy))
 
 
 @pytest.mark.parametrize('executor', ['events', 'single_threaded'])
-def test_messages_that_wait_at_the_end_are_kept(
-    ros: tuple[Graph, Client], tmp_path: Path, executor: str
-) -> None:
+def test_messages_that_wait_at_the_end_are_kept(ros: Ros, tmp_path: Path, executor: str) -> None:
     graph, client = ros
     options = ['-p', 'record_on_start:=true', '-p', f'executor:={executor}']
     train = graph.start_program('train', ['-c', BUSY, '--ros-args', *options])
@@ -236,7 +197,7 @@ def test_messages_that_wait_at_the_end_are_kept(
 
 
 def test_what_was_recorded_outlives_a_failed_fit_and_one_that_is_cut_off(
-    ros: tuple[Graph, Client], tmp_path: Path
+    ros: Ros, tmp_path: Path
 ) -> None:
     graph, client = ros
     train = graph.start('train', record_on_start=True, model_path='absent/model.npz')
@@ -262,28 +223,7 @@ def test_what_was_recorded_outlives_a_failed_fit_and_one_that_is_cut_off(
     assert read_bag(tmp_path / 'unsaved.mcap').n_samples == 300
 
 
-def test_wrong_parameters_are_refused_with_a_sentence(ros: tuple[Graph, Client]) -> None:
-    graph, client = ros
-    graph.start('train')
-    for name, value, sentence in (
-        (
-            'fit.kernel',
-            'rbf',
-            "fit.kernel must be a text articulated or lip or recursive, not 'rbf'.",
-        ),
-        ('fit.subset', 2.5, 'fit.subset must be a whole number >= 1, not 2.5.'),
-        ('fit.friction', 'yes', "fit.friction must be true or false, not 'yes'."),
-        ('recording.joint_types', ['round'], 'recording.joint_types must be a list of texts '),
-    ):
-        result = client.set_parameter('train', name, value)
-        assert not result.successful
-        assert result.reason.startswith(sentence)
-    assert not client.set_parameter('train', 'preprocessing.cutoff_hz', -1.0).successful
-    assert client.set_parameter('train', 'preprocessing.cutoff_hz', 5).successful
-    assert client.set_parameter('train', 'recording.joints', ['b', 'a']).successful
-
-
-def test_joints_do_not_change_under_what_is_recorded(ros: tuple[Graph, Client]) -> None:
+def test_joints_do_not_change_under_what_is_recorded(ros: Ros) -> None:
     graph, client = ros
     graph.start('train', record_on_start=True)
     publish_motion(client, 3)
@@ -296,35 +236,7 @@ def test_joints_do_not_change_under_what_is_recorded(ros: tuple[Graph, Client]) 
     client.status('train', lambda s: s['rows'] == 3 and s['joint_names'] == ['elbow'])
 
 
-def test_wrong_start_gives_one_line_and_status_one(ros: tuple[Graph, Client]) -> None:
-    graph, _ = ros
-    train = graph.start('train', fit__kernel='rbf')
-    assert train.wait() == 1
-    assert "must be a text articulated or lip or recursive, not 'rbf'." in train.log
-    assert 'Traceback' not in train.log
-
-
-def test_broken_parameter_file_gives_one_line(ros: tuple[Graph, Client], tmp_path: Path) -> None:
-    graph, _ = ros
-    path = tmp_path / 'broken.yaml'
-    path.write_text('/train:\n  ros__parameters:\n    fit:\n    max_rows: 3\n')
-    train = graph.start_with('train', ['--params-file', str(path)])
-    assert train.wait() == 1
-    assert f"Couldn't parse params file: '--params-file {path}'" in train.log
-    assert 'Traceback' not in train.log
-
-
-def test_an_unknown_parameter_is_refused(ros: tuple[Graph, Client]) -> None:
-    graph, _ = ros
-    train = graph.start('train', max_row=7)
-    assert train.wait() == 1
-    assert (
-        "max_row in the parameters given is not a setting; did you mean 'max_rows'?" in train.log
-    )
-    assert 'Traceback' not in train.log
-
-
-def test_parameters_that_contradict_each_other_are_refused(ros: tuple[Graph, Client]) -> None:
+def test_parameters_that_contradict_each_other_are_refused(ros: Ros) -> None:
     graph, client = ros
     failed = graph.start('train', bags=['absent.mcap'])
     assert failed.wait() == 1

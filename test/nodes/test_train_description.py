@@ -23,7 +23,7 @@ from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.simulation.arm import panda_urdf
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Client, Graph
+    from nodes.ros_graph import Ros
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -35,9 +35,7 @@ def body() -> Array:
     return np.array([MASS, *(MASS * CENTRE), *inertia[np.triu_indices(3)]])
 
 
-def test_the_topic_is_the_prior_and_payloads_are_found(
-    ros: tuple[Graph, Client], tmp_path: Path
-) -> None:
+def test_the_topic_is_the_prior_and_payloads_are_found(ros: Ros, tmp_path: Path) -> None:
     graph, client = ros
     bare, other = runs(3, 300, noise=1e-3)
     bare.save(tmp_path / 'bare.npz')

@@ -66,12 +66,10 @@ def model(joints: tuple[str, ...] = JOINTS) -> InverseDynamicsModel:
 
 
 def model_path(factory: pytest.TempPathFactory) -> str:
-    """Return the file of the model."""
     return str(made_once(factory, 'toy.npz', lambda path: model().save(path)))
 
 
 def model_with_weight(factor: float) -> InverseDynamicsModel:
-    """Fit pendulums that are heavier by a factor."""
     data = dataset()
     gravity = WEIGHT * np.sin(data.q)
     return fit(replace(data, tau=data.tau + (factor - 1.0) * gravity), CHEAP)

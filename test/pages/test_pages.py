@@ -29,8 +29,8 @@ from benchmarks.tests.methods import Scaled
 from lip_id_ros.cli.excite import gain_lines, learning_tables, motion_table
 from lip_id_ros.evaluation import run, score
 from lip_id_ros.evaluation.report import band, Labels, write_report
-from lip_id_ros.evaluation.report.motion_report import write_motion_report
 from lip_id_ros.evaluation.report.recording_report import write_recording_report
+from lip_id_ros.excitation.report import write_motion_report
 from lip_id_ros.fleet.report import write_fleet_report
 from lip_id_ros.health import evidence_of, health
 from lip_id_ros.settings import FitSettings
@@ -182,8 +182,6 @@ def test_the_browser_tells_what_is_wrong_with_a_page(tmp_path: Path) -> None:
 
 
 class Silent(SimpleHTTPRequestHandler):
-    """Serves files of a folder, and logs nothing."""
-
     def log_message(self, format: str, *args: object) -> None:
         pass
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
 from lip_id_ros.recording import JointSamples
 
 
@@ -42,12 +43,10 @@ class Sinusoids:
 
 
 def uniform(count: int, rate: float) -> Array:
-    """Return times from zero at a rate [s]."""
     return np.arange(count, dtype=np.float64) / np.float64(rate)
 
 
 def recording(t: Array, motion: Sinusoids | None = None, **changes: Any) -> JointSamples:
-    """Return exact samples of a motion at given times."""
     motion = motion or Sinusoids()
     fields: dict[str, Any] = {
         't': t,
@@ -62,5 +61,13 @@ def recording(t: Array, motion: Sinusoids | None = None, **changes: Any) -> Join
 
 
 def relative_error(estimate: Array, truth: Array) -> float:
-    """Return the root mean square error over the standard deviation of the truth."""
     return float(np.sqrt(np.mean((estimate - truth) ** 2)) / truth.std())
+
+
+def dropped(data: Dataset) -> dict[str, int]:
+    (source,) = data.provenance['sources']
+    return dict(source['dropped'])
+
+
+def without_velocity(samples: JointSamples) -> JointSamples:
+    return replace(samples, velocity=np.full_like(samples.velocity, np.nan))

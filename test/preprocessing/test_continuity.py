@@ -8,7 +8,13 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
-from preprocessing.motions import recording, relative_error, Sinusoids, uniform
+from preprocessing.motions import (
+    recording,
+    relative_error,
+    Sinusoids,
+    uniform,
+    without_velocity,
+)
 import pytest
 
 from lip_id_ros.arrays import Array
@@ -27,7 +33,6 @@ NAN = np.full((3000, 2), np.nan)
 
 
 def turning(t: Array) -> JointSamples:
-    """Record two joints that turn through several turns, at up to 3 rad/s."""
     way = 3.0 * MOTION.position(t)
     return recording(t, position=way, velocity=3.0 * MOTION.velocity(t))
 
@@ -49,10 +54,9 @@ def jump_rows(samples: JointSamples) -> list[int]:
 def test_a_position_within_one_turn_moves_on(
     has_velocity: bool, rate: float, least: float
 ) -> None:
-    """Each wrap was a velocity of hundreds of rad/s, smeared over a period of the low-pass."""
     samples = turning(uniform(int(30 * rate), rate))
     if not has_velocity:
-        samples = replace(samples, velocity=np.full_like(samples.velocity, np.nan))
+        samples = without_velocity(samples)
     wrapped = within_a_turn(samples, least)
     assert np.abs(np.diff(wrapped.position, axis=0)).max() > 6.0
     plain, data = preprocess(samples), preprocess(wrapped)
@@ -134,7 +138,6 @@ def test_efforts_that_spike_are_left_out() -> None:
 
 @given(st.integers(0, 10_000), st.sampled_from([10.0, 30.0, 125.0, 1000.0]))
 def test_a_motion_never_jumps(seed: int, rate: float) -> None:
-    """However fast, coarse, held over samples, or with messages lost."""
     rng = np.random.default_rng(seed)
     t = uniform(1000, rate)
     keep = np.sort(rng.choice(1000, 700, replace=False))

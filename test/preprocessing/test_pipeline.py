@@ -10,11 +10,17 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
-from preprocessing.motions import recording, relative_error, Sinusoids, uniform
+from preprocessing.motions import (
+    dropped,
+    recording,
+    relative_error,
+    Sinusoids,
+    uniform,
+    without_velocity,
+)
 import pytest
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import preprocess, smoothing
@@ -23,15 +29,6 @@ from lip_id_ros.recording import JointSamples, read_bag, spill
 from lip_id_ros.settings import Config, PreprocessingSettings, RecordingSettings
 
 T = uniform(1000, 100.0)
-
-
-def dropped(data: Dataset) -> dict[str, int]:
-    (source,) = data.provenance['sources']
-    return dict(source['dropped'])
-
-
-def without_velocity(samples: JointSamples) -> JointSamples:
-    return replace(samples, velocity=np.full_like(samples.velocity, np.nan))
 
 
 def repeating_publisher(source_hz: float, publish_hz: float, count: int) -> JointSamples:
@@ -88,7 +85,6 @@ def test_signs_of_velocities_go_through_the_same_low_pass() -> None:
 
 
 def test_nothing_crosses_a_gap() -> None:
-    """What lies behind a gap does not change what comes before it, and the other way round."""
     before, behind = T[:400], T[500:]
     both = np.concatenate([before, behind])
     data = preprocess(recording(both))
@@ -115,7 +111,6 @@ EVERY = PreprocessingSettings(decimate=1)
 def test_what_one_segment_holds_changes_no_other(
     lengths: list[int], number: int, derivative: str, velocity: str
 ) -> None:
-    """No filter and no derivative crosses a gap."""
     number %= len(lengths)
     settings = PreprocessingSettings(derivative=derivative, velocity=velocity)
     part = np.repeat(np.arange(len(lengths)), lengths)
@@ -147,7 +142,6 @@ def test_every_sample_is_kept_or_counted(decimate: int, max_samples: int) -> Non
 
 
 def test_stale_samples_are_removed_and_counted() -> None:
-    """As the real Panda bag: 30 Hz stamps on a state that comes at 29.4 Hz."""
     samples = repeating_publisher(29.4, 30.0, 900)
     data = preprocess(samples)
     assert dropped(data)['sample stale'] == (np.diff(samples.position[:, 0]) == 0).sum() > 10

@@ -5,26 +5,22 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from preprocessing.motions import recording, relative_error, Sinusoids, uniform
+from preprocessing.motions import (
+    dropped,
+    recording,
+    relative_error,
+    Sinusoids,
+    uniform,
+    without_velocity,
+)
 import pytest
 
-from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError, DataError, SourceError
 from lip_id_ros.preprocessing import preprocess
-from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 T = uniform(1000, 100.0)
 EVERY = PreprocessingSettings(decimate=1)
-
-
-def dropped(data: Dataset) -> dict[str, int]:
-    (source,) = data.provenance['sources']
-    return dict(source['dropped'])
-
-
-def without_velocity(samples: JointSamples) -> JointSamples:
-    return replace(samples, velocity=np.full_like(samples.velocity, np.nan))
 
 
 def test_the_derivative_is_a_setting() -> None:

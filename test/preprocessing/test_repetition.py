@@ -8,7 +8,7 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
-from preprocessing.motions import recording, relative_error, Sinusoids, uniform
+from preprocessing.motions import recording, relative_error, Sinusoids, uniform, without_velocity
 import pytest
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
@@ -58,16 +58,11 @@ def law_error(data: Dataset) -> float:
     return relative_error(law(data.q, data.dq, data.ddq), data.tau)
 
 
-def without_velocity(samples: JointSamples) -> JointSamples:
-    return replace(samples, velocity=np.full_like(samples.velocity, np.nan))
-
-
 def stale_samples(samples: JointSamples) -> BoolArray:
     return stale(samples, changes_of(samples))
 
 
 def published_again(samples: JointSamples, rate: float, publish_hz: float) -> JointSamples:
-    """Publish the newest of samples that come at a rate, at another one."""
     t = uniform(int(samples.n_samples / rate * publish_hz), publish_hz)
     newest = newest_rows(t, rate)
     signals = {name: getattr(samples, name)[newest] for name in ('position', 'velocity', 'effort')}

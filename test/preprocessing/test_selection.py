@@ -86,7 +86,6 @@ def test_an_arm_is_fitted_to_samples_near_rest_too() -> None:
 
 
 def test_coverage_takes_what_time_passes_over() -> None:
-    """One sample far from all others is the second that coverage takes."""
     q, far = DATA.q.copy(), 777
     ddq = DATA.ddq.copy()
     ddq[far] = 100.0

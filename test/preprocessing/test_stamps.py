@@ -14,6 +14,7 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.preprocessing import preprocess
+from lip_id_ros.preprocessing.isotonic import isotonic
 from lip_id_ros.preprocessing.sample_times import longest_silence, retimed, roughness
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import PreprocessingSettings
@@ -151,3 +152,14 @@ def test_even_stamps_have_no_silence() -> None:
     assert longest_silence(np.arange(5.0)) == 0.0
     number, place = np.divmod(np.arange(100), 4)
     assert longest_silence(0.2 * number + 1e-3 * place) == pytest.approx(0.197)
+
+
+optimize = pytest.importorskip('scipy.optimize')
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=50))
+def test_values_are_those_of_scipy(values: list[float]) -> None:
+    if not hasattr(optimize, 'isotonic_regression'):
+        pytest.skip('SciPy has isotonic_regression from 1.12 on')
+    expected = optimize.isotonic_regression(np.array(values)).x
+    assert isotonic(np.array(values)) == pytest.approx(expected, abs=1e-9)

@@ -40,7 +40,6 @@ class State:
 
 
 def moving(count: int, **fields: Any) -> list[State]:
-    """Return states at 100 Hz, each different from the one before."""
     return [
         replace(
             State(
@@ -53,6 +52,26 @@ def moving(count: int, **fields: Any) -> list[State]:
         )
         for k in range(count)
     ]
+
+
+def of_one_joint(state: State, joint: int, **changes: Any) -> State:
+    """Return the state that a publisher of one joint sends."""
+    parts = ('names', 'position', 'velocity', 'effort')
+    values: dict[str, Any] = {name: [getattr(state, name)[joint]] for name in parts}
+    return replace(state, **values, **changes)
+
+
+def of_effort_alone(state: State, **changes: Any) -> State:
+    """Return what drives send that publish their efforts beside the joint states."""
+    return replace(state, position=(), velocity=(), **changes)
+
+
+def damage(path: Path, place: int, data: bytes) -> Path:
+    """Write other bytes at a place of a file; return it."""
+    with open(path, 'r+b') as file:
+        file.seek(place)
+        file.write(data)
+    return path
 
 
 def write_folder(
@@ -131,7 +150,6 @@ def write_mcap(
 
 
 def write_raw(folder: Path, topic: str, kind: str, data: Sequence[bytes], suffix: str) -> Path:
-    """Write ready-made message bytes into a rosbag2 folder; return it."""
     with rosbag2.Writer(folder, version=9, storage_plugin=PLUGINS[suffix]) as writer:
         connection = writer.add_connection(topic, kind, typestore=ROS2)
         for number, item in enumerate(data):

@@ -107,7 +107,6 @@ def test_bad_message_is_dropped_and_counted(message: Any, reason: Reason) -> Non
 
 
 def test_a_signal_of_nothing_but_nan_was_not_recorded() -> None:
-    """As ros2_control publishes where no joint has such an interface."""
     nothing = [math.nan] * 3
     buffer = SampleBuffer(NAMES)
     assert buffer.add(1 * SECOND, NAMES, [1, 2, 3], nothing, [4, 5, 6]) is None

@@ -8,11 +8,14 @@ from pathlib import Path
 import shutil
 import sqlite3
 import struct
+import subprocess
+import sys
 
 from mcap.writer import CompressionType, IndexType
 import numpy as np
 import pytest
 from recording.bag_files import (
+    damage,
     moving,
     State,
     STEP_NS,
@@ -47,7 +50,6 @@ WRITERS: dict[str, Writer] = {
 
 
 def assert_part_of_clean(samples: JointSamples) -> None:
-    """Every sample is one that was written, in order."""
     k = np.rint(samples.position[:, 0] / 0.01)
     assert (np.diff(k) > 0).all()
     np.testing.assert_allclose(samples.position, np.column_stack([0.01 * k, -0.02 * k]))
@@ -89,10 +91,7 @@ def test_row_cut_in_the_middle(tmp_path: Path) -> None:
 
 def test_damaged_page_costs_its_rows(tmp_path: Path) -> None:
     path = write_file(tmp_path / 'a', moving(COUNT), '.db3')
-    content = bytearray(path.read_bytes())
-    content[4096 * 60 : 4096 * 61] = b'\xff' * 4096
-    path.write_bytes(content)
-    samples = read_bag(path)
+    samples = read_bag(damage(path, 4096 * 60, b'\xff' * 4096))
     assert_part_of_clean(samples)
     assert COUNT - 100 < samples.n_samples < COUNT
     assert 'a.db3: rows cannot be read (database disk image is malformed)' in samples.notes
@@ -101,12 +100,8 @@ def test_damaged_page_costs_its_rows(tmp_path: Path) -> None:
 @pytest.mark.parametrize('compression', list(CompressionType))
 def test_damaged_chunk_costs_its_messages(tmp_path: Path, compression: CompressionType) -> None:
     path = write_mcap(tmp_path / 'a.mcap', moving(COUNT), compression, chunk_size=20_000)
-    content = bytearray(path.read_bytes())
-    places = chunk_places(content, 'mcap')
-    inside = places[len(places) // 2] + 200
-    content[inside : inside + 8] = b'\xa5' * 8
-    path.write_bytes(content)
-    samples = read_bag(path)
+    places = chunk_places(path.read_bytes(), 'mcap')
+    samples = read_bag(damage(path, places[len(places) // 2] + 200, b'\xa5' * 8))
     assert_part_of_clean(samples)
     lost = samples.counts[Reason.LOST]
     assert samples.n_samples + lost == COUNT
@@ -121,19 +116,14 @@ def test_reading_goes_on_after_bytes_that_are_no_record(tmp_path: Path, kind: st
         path = write_mcap(tmp_path / 'a.mcap', moving(COUNT), chunk_size=20_000)
     else:
         path = write_ros1(tmp_path / 'a.bag', moving(COUNT), chunk_bytes=20_000)
-    content = bytearray(path.read_bytes())
-    places = chunk_places(content, kind)
-    place = places[len(places) // 2]
-    content[place : place + 16] = b'\0' * 16
-    path.write_bytes(content)
-    samples = read_bag(path)
+    places = chunk_places(path.read_bytes(), kind)
+    samples = read_bag(damage(path, places[len(places) // 2], b'\0' * 16))
     assert_part_of_clean(samples)
     assert COUNT - 300 < samples.n_samples < COUNT
     assert any('are damaged' in note for note in samples.notes)
 
 
 def chunk_places(content: bytes | bytearray, kind: str) -> list[int]:
-    """Walk a whole file."""
     places = []
     position = 8 if kind == 'mcap' else 13
     while position < len(content) - 8:
@@ -155,15 +145,13 @@ def chunk_places(content: bytes | bytearray, kind: str) -> list[int]:
 @pytest.mark.parametrize('kind', ['mcap', 'mcap without chunks', 'ros1'])
 def test_declared_size_of_a_record_allocates_nothing(tmp_path: Path, kind: str) -> None:
     path = WRITERS[kind](tmp_path)
-    content = bytearray(path.read_bytes())
     if kind == 'ros1':
+        content = path.read_bytes()
         place = chunk_places(content, 'ros1')[0]
         place += 4 + struct.unpack_from('<I', content, place)[0]
-        content[place : place + 4] = struct.pack('<I', 2**32 - 1)
+        damage(path, place, struct.pack('<I', 2**32 - 1))
     else:
-        content[9 + 8 : 17 + 8] = struct.pack('<Q', 2**62)
-        content[8 + 1 : 8 + 9] = struct.pack('<Q', 2**50)
-    path.write_bytes(content)
+        damage(path, 9, struct.pack('<QQ', 2**50, 2**62))
     if kind == 'mcap without chunks':  # nothing gives the next record
         with pytest.raises(SourceError, match=r'is empty \(a.mcap: bytes 8 to \d+ are damaged\)'):
             read_bag(path)
@@ -273,11 +261,9 @@ def test_folder_in_place_of_metadata_is_noted(tmp_path: Path) -> None:
 
 
 def test_messages_of_a_bag_are_read_twice_alike(tmp_path: Path) -> None:
-    """What was lost is not counted twice."""
     path = write_mcap(tmp_path / 'a.mcap', moving(COUNT), chunk_size=20_000)
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 0xFF
-    path.write_bytes(content)
+    middle = path.stat().st_size // 2
+    damage(path, middle, bytes([path.read_bytes()[middle] ^ 0xFF]))
     with Bag(path) as bag:
         first = [sum(1 for _ in bag.stored('/joint_states')), bag.lost('/joint_states')]
         again = [sum(1 for _ in bag.stored('/joint_states')), bag.lost('/joint_states')]
@@ -335,3 +321,24 @@ def test_damaged_tree_that_leads_in_a_circle(tmp_path: Path) -> None:
     samples = read_bag(path)
     assert_part_of_clean(samples)
     assert COUNT // 2 - 50 < samples.n_samples < COUNT
+
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not sys.platform.startswith('linux'), reason='limits memory as Linux does')
+def test_broken_bags_never_crash_hang_or_take_memory(tmp_path: Path) -> None:
+    ran = subprocess.run(
+        [
+            *(sys.executable, '-m', 'benchmarks', 'fuzz_readers'),
+            *('--cases', '800', '--minutes', '0.5', '--findings', str(tmp_path / 'findings')),
+        ],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert "'read': " in ran.stdout
+    assert "'SourceError': " in ran.stdout

@@ -15,6 +15,7 @@ from mcap.writer import Writer as McapWriter
 import numpy as np
 import pytest
 from recording.bag_files import (
+    damage,
     JOINT_STATE,
     moving,
     State,
@@ -39,7 +40,6 @@ COUNT = 2000
 
 
 def framed(compress: Callable[[bytes], bytes], content: bytes, size: int) -> bytes:
-    """Compress in several frames."""
     return b''.join(compress(content[k : k + size]) for k in range(0, len(content), size))
 
 
@@ -94,13 +94,11 @@ def test_chunk_that_declares_one_byte_less_is_noted(tmp_path: Path) -> None:
         chunk_size=10_000,
         enable_crcs=False,
     )
-    content = bytearray(path.read_bytes())
+    content = path.read_bytes()
     places = chunk_places(content, 'mcap')
     place = places[len(places) // 2] + 9 + 16
     (size,) = struct.unpack_from('<Q', content, place)
-    struct.pack_into('<Q', content, place, size - 1)
-    path.write_bytes(content)
-    samples = read_bag(path)
+    samples = read_bag(damage(path, place, struct.pack('<Q', size - 1)))
     assert samples.n_samples + samples.counts[Reason.LOST] == COUNT
     assert samples.counts[Reason.LOST] > 0
     assert any(f'bytes or more instead of {size - 1}' in note for note in samples.notes)
@@ -124,10 +122,9 @@ def test_claimed_counts_reserve_no_memory(tmp_path: Path) -> None:
     values = tuple(np.zeros(900))
     state = State(STEP_NS, names=names, position=values, velocity=values, effort=values)
     path = write_ros1(tmp_path / 'a.bag', [state, State(2 * STEP_NS)])
-    content = bytearray(path.read_bytes())
+    content = path.read_bytes()
     place = content.index(b'count=', content.index(b'op=\x04') - 60) + len(b'count=')
-    content[place : place + 4] = struct.pack('<I', 1_000_000)
-    path.write_bytes(content)
+    damage(path, place, struct.pack('<I', 1_000_000))
     with Bag(path) as bag:
         assert sum(topic.count for topic in bag.topics) >= 1_000_000
     assert peak_growth(lambda: read_bag(path)) < 200 * 2**20

@@ -67,7 +67,6 @@ def decoded(data: bytes, is_ros1: bool) -> Any:
 
 
 def reason_of(message: Any) -> Reason | None:
-    """Return why a message is in no block."""
     if message is None:
         return Reason.UNREADABLE
     n = len(message.name)
@@ -78,14 +77,12 @@ def reason_of(message: Any) -> Reason | None:
 
 
 def expected(values: Array, n_joints: int) -> Array:
-    """Return a signal as a block has it."""
     if not len(values):
         return np.full(n_joints, np.nan)
     return np.where(np.isnan(values), np.inf, np.asarray(values, '<f8'))
 
 
 def check(data: list[bytes], is_ros1: bool) -> None:
-    """Compare every message with the library's."""
     one_by_one = [decoded(each, is_ros1) for each in data]
     receive_ns = 7 + np.arange(len(data))
     counts: Counter[str] = Counter()

@@ -48,7 +48,6 @@ def position(t: Any) -> Any:
 
 
 def in_turns(first: Sequence[State], second: Sequence[State]) -> list[State]:
-    """Return messages of two publishers in the order of reception."""
     return sorted([*first, *second], key=received)
 
 
@@ -101,7 +100,6 @@ def test_two_layouts_of_one_publisher_keep_the_order_of_the_file(
 
 
 def test_two_definitions_on_one_topic_keep_the_order_of_the_file(tmp_path: Path) -> None:
-    """Two connections of a ROS 1 bag."""
     path = write_ros1(tmp_path / 'a.bag', driver(100), publishers=2)
     assert_right_times(read_bag(path, JOINTS), 100, 1e-6)
 

@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 from recording.bag_files import (
     CONTROLLER,
-    JOINT_STATE,
     moving,
+    of_effort_alone,
+    of_one_joint,
     State,
     STEP_NS,
     write_controller_states,
@@ -33,13 +34,6 @@ NAMES = ('shoulder', 'elbow')
 BOTH = RecordingSettings(joints=NAMES)
 
 
-def alone(state: State, joint: int, **changes: Any) -> State:
-    """Return the state that a publisher of one joint sends."""
-    parts = ('names', 'position', 'velocity', 'effort')
-    values: dict[str, Any] = {name: [getattr(state, name)[joint]] for name in parts}
-    return replace(state, **values, **changes)
-
-
 def assert_same(samples: JointSamples, expected: JointSamples) -> None:
     np.testing.assert_array_equal(samples.t, expected.t)
     for name in ('position', 'velocity', 'effort'):
@@ -52,7 +46,7 @@ def clean(tmp_path: Path) -> JointSamples:
 
 
 def test_publishers_of_some_joints_each_are_merged(tmp_path: Path, clean: JointSamples) -> None:
-    states = [alone(state, joint) for state in moving(50) for joint in (0, 1)]
+    states = [of_one_joint(state, joint) for state in moving(50) for joint in (0, 1)]
     samples = read_bag(write_folder(tmp_path / 'bag', states), BOTH)
     assert_same(samples, clean)
     assert samples.counts == {}
@@ -61,7 +55,7 @@ def test_publishers_of_some_joints_each_are_merged(tmp_path: Path, clean: JointS
 
 def test_topics_of_some_joints_each_are_merged(tmp_path: Path, clean: JointSamples) -> None:
     states = [
-        alone(state, joint, topic=topic)
+        of_one_joint(state, joint, topic=topic)
         for state in moving(50)
         for joint, topic in enumerate(('/left', '/right'))
     ]
@@ -74,7 +68,7 @@ def test_topics_of_some_joints_each_are_merged(tmp_path: Path, clean: JointSampl
 
 def test_bags_of_some_joints_each_are_merged(tmp_path: Path, clean: JointSamples) -> None:
     paths = [
-        write_folder(tmp_path / name, [alone(state, joint) for state in moving(50)])
+        write_folder(tmp_path / name, [of_one_joint(state, joint) for state in moving(50)])
         for joint, name in enumerate(('left', 'right'))
     ]
     whole = write_folder(tmp_path / 'whole', moving(7))
@@ -86,9 +80,9 @@ def test_bags_of_some_joints_each_are_merged(tmp_path: Path, clean: JointSamples
 
 def test_other_rates_are_interpolated_and_nothing_crosses_a_gap(tmp_path: Path) -> None:
     """The slower publisher gives the times; values change linearly, so they must be exact."""
-    slow = [alone(state, 0) for state in moving(400)[::4]]
+    slow = [of_one_joint(state, 0) for state in moving(400)[::4]]
     fast = [
-        alone(state, 1, stamp_ns=state.stamp_ns + 3_000_000)
+        of_one_joint(state, 1, stamp_ns=state.stamp_ns + 3_000_000)
         for k, state in enumerate(moving(400))
         if not 100 <= k < 200
     ]
@@ -98,11 +92,6 @@ def test_other_rates_are_interpolated_and_nothing_crosses_a_gap(tmp_path: Path) 
     np.testing.assert_allclose(samples.position[:, 0], 0.01 * k)
     np.testing.assert_allclose(samples.position[:, 1], -0.02 * (k - 0.3))
     assert samples.counts == {Reason.OTHER_JOINTS_AWAY: 100 - k.size}
-
-
-def of_effort_alone(state: State, **changes: Any) -> State:
-    """Return what drives send that publish their efforts beside the joint states."""
-    return replace(state, position=(), velocity=(), **changes)
 
 
 @pytest.mark.parametrize('topic', ['/joint_states', '/currents'])
@@ -196,14 +185,13 @@ def test_efforts_of_some_joints_are_none(tmp_path: Path) -> None:
 
 
 def test_joints_that_never_come_are_reported(tmp_path: Path) -> None:
-    states = [alone(state, 0) for state in moving(5)]
+    states = [of_one_joint(state, 0) for state in moving(5)]
     sentence = r'^joint elbow expected in .*, which has shoulder; correct the names, '
     with pytest.raises(SourceError, match=sentence):
         read_bag(write_folder(tmp_path / 'bag', states), BOTH)
 
 
 def test_joint_states_are_preferred_to_controller_states(tmp_path: Path) -> None:
-    """A topic without messages is no choice either."""
     folder = write_folder(tmp_path / 'bag', moving(5, topic='/arm'), '.mcap', ['/empty'])
     controller = write_controller_states(tmp_path / 'controller', 'new', [{}] * 3)
     next(controller.glob('*.mcap')).rename(folder / 'bag_1.mcap')
@@ -262,17 +250,6 @@ def test_short_controller_states_are_counted(tmp_path: Path) -> None:
     )
 
 
-def test_topics_without_a_choice_are_listed_with_counts(tmp_path: Path) -> None:
-    states = [*moving(3, topic='/left'), *moving(4, topic='/right')]
-    sentence = (
-        rf'^.*bag has several topics with joint samples: /left \({JOINT_STATE}, 3 messages\), '
-        rf'/right \({JOINT_STATE}, 4 messages\); choose one, or several separated by commas, with '
-        r'recording\.topic\.$'
-    )
-    with pytest.raises(SourceError, match=sentence):
-        read_bag(write_folder(tmp_path / 'bag', states))
-
-
 def test_clock_can_be_chosen(tmp_path: Path) -> None:
     states = [replace(state, receive_ns=2 * state.stamp_ns) for state in moving(5)]
     path = write_folder(tmp_path / 'bag', states)
@@ -283,7 +260,6 @@ def test_clock_can_be_chosen(tmp_path: Path) -> None:
 
 
 def test_duplicates_bursts_and_gaps(tmp_path: Path) -> None:
-    """Every message twice, received in bursts of ten, a second missing."""
     states = [
         replace(state, receive_ns=k // 10 * 10 * STEP_NS)
         for k, state in enumerate(moving(300))
@@ -346,7 +322,6 @@ def test_any_interleaving_order_and_loss_gives_the_clean_samples_but_those_count
 
 
 def _turned(state: State) -> State:
-    """Return the same message with its joints in another order."""
     parts = ('names', 'position', 'velocity', 'effort')
     values: dict[str, Any] = {name: getattr(state, name)[::-1] for name in parts}
     return replace(state, **values)

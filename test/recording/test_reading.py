@@ -32,7 +32,6 @@ EVERY_KIND = ('folder.db3', 'folder.mcap', 'bare.db3', 'bare.mcap', 'ros1.bag')
 
 
 def write(path: Path, states: list[State]) -> Path:
-    """Write a bag of the kind that its name has."""
     if path.suffix == '.bag':
         return write_ros1(path, states)
     if path.stem == 'bare':
@@ -68,40 +67,25 @@ def test_folder_without_metadata_is_read_in_the_order_of_numbers(tmp_path: Path)
     assert read_bag(folder).n_samples == 30
 
 
-def test_metadata_naming_another_file_does_not_matter(tmp_path: Path) -> None:
-    folder = write_folder(tmp_path / 'bag', moving(5))
-    next(folder.glob('*.db3')).rename(folder / 'renamed.db3')
-    assert read_bag(folder).n_samples == 5
-
-
-def test_unreadable_metadata_does_not_matter(tmp_path: Path) -> None:
-    folder = write_folder(tmp_path / 'bag', moving(5), '.mcap')
-    (folder / 'metadata.yaml').write_text('{nonsense')
-    assert read_bag(folder).n_samples == 5
-
-
-def test_bag_without_message_definitions(tmp_path: Path) -> None:
-    path = write_file(tmp_path / 'bag', moving(5), '.db3')
-    with sqlite3.connect(path) as database:
-        database.execute('DROP TABLE schema')
-        database.execute('DROP TABLE message_definitions')
-    assert read_bag(path).n_samples == 5
-
-
-def test_unreadable_definition_of_another_topic_does_not_matter(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    'statements',
+    [
+        ['DROP TABLE schema', 'DROP TABLE message_definitions'],
+        ["UPDATE message_definitions SET encoded_message_definition='?! = {'"],
+        [
+            "UPDATE topics SET type='odd/msg/Odd' WHERE name='/others'",
+            "INSERT INTO message_definitions VALUES (9, 'odd/msg/Odd', 'ros2msg', '?! = {', '')",
+        ],
+    ],
+    ids=['none', 'unreadable', 'unreadable of another topic'],
+)
+def test_definitions_of_standard_types_are_not_needed(
+    tmp_path: Path, statements: list[str]
+) -> None:
     path = write_file(tmp_path / 'bag', [*moving(5), *moving(5, topic='/others')], '.db3')
     with sqlite3.connect(path) as database:
-        database.execute("UPDATE topics SET type='odd/msg/Odd' WHERE name='/others'")
-        database.execute(
-            "INSERT INTO message_definitions VALUES (9, 'odd/msg/Odd', 'ros2msg', '?! = {', '')"
-        )
-    assert read_bag(path).n_samples == 5
-
-
-def test_unreadable_definition_of_a_standard_type_does_not_matter(tmp_path: Path) -> None:
-    path = write_file(tmp_path / 'bag', moving(5), '.db3')
-    with sqlite3.connect(path) as database:
-        database.execute("UPDATE message_definitions SET encoded_message_definition='?! = {'")
+        for statement in statements:
+            database.execute(statement)
     assert read_bag(path).n_samples == 5
 
 
@@ -171,13 +155,6 @@ def test_single_late_stamps_do_not_change_the_clock(tmp_path: Path) -> None:
     samples = read_bag(write_folder(tmp_path / 'bag', states))
     assert samples.n_samples == 10
     assert samples.counts == {Reason.REPEATED_STAMP: 2, Reason.ZERO_STAMP: 1}
-
-
-def test_velocity_and_effort_may_be_absent(tmp_path: Path) -> None:
-    path = write_folder(tmp_path / 'bag', moving(3, velocity=(), effort=()))
-    samples = read_bag(path)
-    assert not samples.has_velocity
-    assert not samples.has_effort
 
 
 def test_topic_is_the_only_one_or_joint_states_or_the_one_named(tmp_path: Path) -> None:

@@ -108,9 +108,3 @@ def test_unitree_legs_from_two_publishers(shared_data: Path, tmp_path: Path, num
     steps = np.diff(unique)
     assert front['timing']['gaps'] == (steps > 5 * np.median(steps)).sum()
     assert (front['timing']['gaps'] > 0) == (number == 4)
-
-
-def test_stale_samples_of_the_panda_are_left_to_preprocessing(shared_data: Path) -> None:
-    samples = read_bag(shared_data / 'unisa_ros2_bags' / 'panda')
-    repeated = (np.diff(samples.position, axis=0) == 0).all(axis=1)
-    assert int(repeated.sum()) == 14

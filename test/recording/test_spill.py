@@ -8,11 +8,10 @@ import errno
 import os
 from pathlib import Path
 import tempfile
-from typing import Any
 
 import numpy as np
 import pytest
-from recording.bag_files import moving, State, write_folder
+from recording.bag_files import moving, of_effort_alone, of_one_joint, State, write_folder
 
 from lip_id_ros.recording import read_bag, spill
 from lip_id_ros.recording.joint_samples import SIGNALS
@@ -21,19 +20,18 @@ from lip_id_ros.settings import RecordingSettings
 BOTH = RecordingSettings(joints=('shoulder', 'elbow'))
 
 
-def alone(state: State, joint: int) -> State:
-    parts = ('names', 'position', 'velocity', 'effort')
-    values: dict[str, Any] = {name: [getattr(state, name)[joint]] for name in parts}
-    return replace(state, stamp_ns=state.stamp_ns + 3_000_000 * joint, **values)
-
-
 def late() -> list[State]:
     states = moving(400)
     return [states[k ^ 1] for k in range(400)]
 
 
 def of_two_publishers() -> list[State]:
-    return [alone(state, joint) for state in moving(400) for joint in (0, 1)]
+    states = moving(400)
+    return [
+        of_one_joint(state, joint, stamp_ns=state.stamp_ns + 3_000_000 * joint)
+        for state in states
+        for joint in (0, 1)
+    ]
 
 
 def incomplete() -> list[State]:
@@ -43,8 +41,7 @@ def incomplete() -> list[State]:
 
 def of_efforts_alone() -> list[State]:
     states = moving(400)
-    efforts = [replace(each, position=(), velocity=()) for each in states]
-    return [*efforts, *(replace(each, effort=()) for each in states)]
+    return [*map(of_effort_alone, states), *(replace(each, effort=()) for each in states)]
 
 
 @pytest.mark.parametrize('messages', [late, of_two_publishers, incomplete, of_efforts_alone])

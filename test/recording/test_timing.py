@@ -68,7 +68,6 @@ def test_stamps_in_order_for_hours_are_not_judged_one_by_one(
 
 
 def test_pause_is_no_reason_to_drop() -> None:
-    """Not even if only a few messages lie between two pauses."""
     stamps = np.concatenate([CLEAN, [CLEAN[-1] + 100 * 10**9], CLEAN + 200 * 10**9])
     timeline = arrange(stamps)
     assert (timeline.rows.size, timeline.dropped) == (601, {})
@@ -150,7 +149,6 @@ def test_messages_that_come_twice_together_are_dropped(count: int) -> None:
 
 
 def test_restarts_beyond_the_end_of_time_are_dropped() -> None:
-    """Sawtooth stamps never give a time before the first."""
     teeth = np.concatenate([2**61 * np.linspace(0.0, 1.9, 60).astype(np.int64) + 1] * 6)
     saw = np.concatenate([np.linspace(1, 2**62 - 1, 60).astype(np.int64) for _ in range(6)])
     for stamps in (teeth, saw):

@@ -82,7 +82,6 @@ def test_the_first_axis_points_up() -> None:
 
 
 def composed(found: DenavitHartenberg) -> Chain:
-    """Multiply the transforms that the table names."""
     x, y, z = np.eye(3)
     turns = Rotation.from_rotvec(np.outer(found.twist, x))
     turns *= Rotation.from_rotvec(np.outer(found.tilt, y))

@@ -40,8 +40,6 @@ BROADCASTER = 'joint_state_broadcaster'
 
 @dataclass
 class Control:
-    """A controller manager in a graph."""
-
     graph: Graph
     client: Client
     process: Process
@@ -92,7 +90,6 @@ class Control:
         return unloaded
 
     def states(self) -> dict[str, str]:
-        """State of each controller that is loaded."""
         answer = self.call(ListControllers, 'list_controllers')
         return {each.name: each.state for each in answer.controller}
 
@@ -116,7 +113,6 @@ class Control:
 
 @contextmanager
 def controlled(folder: Path, parameters: Path, joints: Sequence[str]) -> Iterator[Control]:
-    """Run a controller manager while the block runs."""
     with graph(folder) as (made, client):
         process = made.start_installed(
             'controller_manager',

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope='session')
 def model_path(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Model of the two pendulums."""
     return toy.model_path(tmp_path_factory)
 
 

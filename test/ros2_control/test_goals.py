@@ -38,8 +38,6 @@ STATUS = {
 
 
 class Sender:
-    """A client of the action, as MoveIt is one."""
-
     def __init__(self, control: Control) -> None:
         self._control = control
         self._results: dict[bytes, Any] = {}
@@ -47,7 +45,6 @@ class Sender:
         control.client.wait_until(self._client.server_is_ready, 'action of serve')
 
     def send(self, goal: Any, feedback: Callable[[Any], None] | None = None) -> Any:
-        """Send a goal, ask for its result as clients do, and return its handle."""
         answer = self._client.send_goal_async(goal, feedback_callback=feedback)
         self._control.client.wait_until(answer.done, 'answer to a goal')
         handle = answer.result()

@@ -49,12 +49,10 @@ def in_plan(state: Any) -> float:
 
 
 def begin(state: Any) -> float:
-    """Return when the plan of a state has begun [s]."""
     return float(state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec - in_plan(state))
 
 
 def wait_for(control: Control, states: list[Any], condition: Callable[[Any], Any]) -> Any:
-    """Return the first state that fulfils a condition."""
     found: list[Any] = []
 
     def is_there() -> bool:

@@ -21,8 +21,6 @@ FINITE = st.floats(allow_nan=False, allow_infinity=False)
 
 @dataclass
 class Point:
-    """A trajectory_msgs/JointTrajectoryPoint without ROS."""
-
     positions: array[float] = field(default_factory=lambda: array('d'))
     velocities: array[float] = field(default_factory=lambda: array('d'))
     accelerations: array[float] = field(default_factory=lambda: array('d'))

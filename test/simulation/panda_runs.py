@@ -14,7 +14,6 @@ from lip_id_ros.simulation.torque_controlled import JointFriction
 def runs(
     n_joints: int, n_samples: int, friction: JointFriction | None = None, noise: float = 0.0
 ) -> tuple[Dataset, Dataset]:
-    """Return a run to learn from and an unseen one."""
     arm = panda(n_joints)
     rubbing = arm if friction is None else FrictionalArm(arm, friction)
     rng = np.random.default_rng(7)

@@ -159,7 +159,6 @@ def times(data: Dataset) -> Array:
 
 
 def _starts(data: Dataset) -> IntArray:
-    """Return the number of the first sample of each recording."""
     return np.flatnonzero(np.diff(data.recording, prepend=data.recording[0] - 1))
 
 

@@ -116,7 +116,6 @@ class Ros1File(ChunkedFile):
 
 
 def _fields(data: bytes) -> Fields | None:
-    """Return the fields of a record's header, None where it is none."""
     fields, position = {}, 0
     while position < len(data):
         length = int.from_bytes(data[position : position + 4], 'little')

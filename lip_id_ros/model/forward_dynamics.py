@@ -8,10 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.errors import DataError
 from lip_id_ros.friction.compiled import add_friction, CompiledFriction
-from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.terms import Presliding
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.numba_jit import jit
@@ -20,9 +19,6 @@ from lip_id_ros.rigid_body.rnea import inertial_torque, Links, rnea, WORK_VECTOR
 
 SLOPE = 1e-4
 """Difference of velocities by which friction is differentiated [rad/s or m/s]."""
-
-NOMINAL_SIGN_WIDTH = 0.01
-"""Of the Coulomb friction of a URDF, whose sign jumps [rad/s or m/s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,16 +33,6 @@ class ForwardDynamics:
     def fitted(cls, arm: ArmPosterior) -> ForwardDynamics:
         """Return links and friction of a model; a remainder is left out."""
         return cls(arm.chain, arm.links, arm.friction)
-
-    @classmethod
-    def nominal(cls, description: RobotDescription, gravity_compensated: bool) -> ForwardDynamics:
-        """Return the arm of a URDF with its friction, without gravity if that is compensated."""
-        n = len(description.joint_names)
-        coefficients = np.column_stack([description.damping, description.friction, np.zeros(n)])
-        basis = plain_friction(n, np.full(n, NOMINAL_SIGN_WIDTH))
-        gravity = np.zeros(3) if gravity_compensated else description.chain.gravity
-        chain = description.chain._replace(gravity=gravity)
-        return cls(chain, description.links, FrictionModel(basis, coefficients.ravel()))
 
     @cached_property
     def _compiled(self) -> tuple[Links, CompiledFriction]:
