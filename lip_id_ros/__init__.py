@@ -11,6 +11,8 @@ from importlib import import_module
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from lip_id_ros.adaptation.adaptation import Adaptation
+    from lip_id_ros.adaptation.followed import WalkSettings
     from lip_id_ros.dataset import Dataset
     from lip_id_ros.errors import (
         ConfigError,
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
 __version__ = '0.1.0'
 
 _HOMES = {
+    'Adaptation': 'adaptation.adaptation',
     'Config': 'settings',
     'ConfigError': 'errors',
     'DataError': 'errors',
@@ -68,6 +71,7 @@ _HOMES = {
     'ShapeError': 'errors',
     'SourceError': 'errors',
     'SpaceSettings': 'excitation.settings',
+    'WalkSettings': 'adaptation.followed',
     'check_plan': 'feedforward.plan_check',
     'design_motion': 'excitation.planning',
     'evaluate': 'evaluation',
@@ -80,6 +84,7 @@ _HOMES = {
 """The room of every public name."""
 
 __all__ = [
+    'Adaptation',
     'Config',
     'ConfigError',
     'DataError',
@@ -102,6 +107,7 @@ __all__ = [
     'ShapeError',
     'SourceError',
     'SpaceSettings',
+    'WalkSettings',
     '__version__',
     'check_plan',
     'design_motion',

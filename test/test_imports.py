@@ -92,6 +92,10 @@ PARTS = {
         *('dataset', 'evaluation', 'export', 'fleet', 'identification', 'loading', 'model'),
         *('preprocessing', 'settings'),
     },
+    'adaptation': {
+        *('dataset', 'evaluation', 'export', 'friction', 'identification', 'model'),
+        'rigid_body',
+    },
     'signals': {'model', 'recording'},
     'control': {'model', 'recording', 'settings', 'signals'},
     'monitoring': {'model', 'recording', 'settings', 'signals'},
@@ -134,7 +138,7 @@ FOREIGN = {
     'pinocchio': ('simulation', 'export/check'),
     'mujoco': ('export/mjcf',),
     'example_robot_data': ('simulation',),
-    'matplotlib': ('evaluation/report', 'excitation/report'),
+    'matplotlib': ('adaptation/report', 'evaluation/report', 'excitation/report'),
     'rich': ('evaluation/tables', 'cli'),
     'argcomplete': ('cli/main',),  # imported where the shell asks
     'rclpy': ROS,

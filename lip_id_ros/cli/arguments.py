@@ -92,12 +92,21 @@ def count(text: str) -> int:
 
 def days(text: str) -> float:
     """Read a number of days, zero or more; argparse.ArgumentTypeError if it is anything else."""
+    return _not_negative(text, 'days')
+
+
+def seconds(text: str) -> float:
+    """Read a number of seconds, zero or more; argparse.ArgumentTypeError if it is another."""
+    return _not_negative(text, 'seconds')
+
+
+def _not_negative(text: str, unit: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = -1.0
     if not 0 <= value < math.inf:
-        raise argparse.ArgumentTypeError(f'expected a number of days, 0 or more, got {text!r}')
+        raise argparse.ArgumentTypeError(f'expected a number of {unit}, 0 or more, got {text!r}')
     return value
 
 

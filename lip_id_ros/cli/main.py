@@ -10,6 +10,7 @@ import sys
 
 import lip_id_ros
 from lip_id_ros.cli import (
+    adapt,
     bench,
     cache,
     check_plan,
@@ -27,8 +28,8 @@ from lip_id_ros.errors import LipIdError
 from lip_id_ros.escaping import printable
 
 VERBS = (
-    *(demo, excite, inspect, fit, evaluate, predict, check_plan, dataset, export, payload),
-    *(bench, cache),
+    *(demo, excite, inspect, fit, evaluate, predict, adapt, check_plan, dataset, export),
+    *(payload, bench, cache),
 )
 FAILED = 1
 INTERRUPTED = 130  # as shells report a program ended by Ctrl-C

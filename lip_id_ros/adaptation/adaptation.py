@@ -1,0 +1,240 @@
+"""An arm that is followed while it moves: predict each torque first, then learn from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lip_id_ros.adaptation.followed import FollowedArm, WalkSettings
+from lip_id_ros.adaptation.kalman import DISTURBED, follow, LEARNED
+from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.errors import DataError, ShapeError
+from lip_id_ros.friction.paths import begins_of_times, dahl_states, LONGEST_GAP_S, Steps
+from lip_id_ros.joint_history import DISPLACEMENTS, JointHistory
+from lip_id_ros.joint_types import is_prismatic
+from lip_id_ros.model import InverseDynamicsModel
+
+GATE, HOLD_S = 8.0, 1.0
+"""
+Deviations beyond which a torque is not that of the arm alone, as in contact, and the time after it
+in which nothing is learned [s].
+"""
+
+NEAR_REST = 0.05
+"""Velocities near rest, in root mean squares of those of the training data."""
+
+CHUNK = 100
+"""Samples for which torques are taken as linear around the same numbers."""
+
+MEMORY_S = 10.0
+"""Time of motion over which what was learned is judged [s]."""
+
+WORSE, MOST_DISTURBED = 1.1, 0.25
+"""
+Squared error in that of the fit at which what was learned is forgotten, and share of disturbances
+above which nothing is trusted.
+"""
+
+NO_INFLATION = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """
+    What the filter expected of N samples before it learned from them.
+
+    `tau`, `std`, shape (N, n): predicted torques, and deviations of measured torques about them
+    [N m or N]. `frozen`, shape (N, n): torques of the fit, which learns nothing. `learned`,
+    `trusted`, shape (N,): where a sample was learned from, and where what had been learned until
+    then was trusted.
+
+    """
+
+    tau: Array
+    std: Array
+    frozen: Array
+    learned: BoolArray
+    trusted: BoolArray
+
+    @property
+    def served(self) -> Array:
+        """Torques that are served: predicted ones where they are trusted, else of the fit."""
+        return np.where(self.trusted[:, None], self.tau, self.frozen)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Followed]) -> Followed:
+        """Return what came one after the other as one."""
+        names = [each.name for each in fields(cls)]
+        return cls(*(np.concatenate([getattr(x, name) for x in parts]) for name in names))
+
+
+class Adaptation:
+    """
+    Follow the links and the friction of an arm in torques that are measured while it moves.
+
+    A Kalman filter with the posterior of the fit as prior (maths.md, section 15): every estimate
+    has a deviation, and `model` predicts, exports and serves as the first one did. It is the fit
+    until what was learned has been better for some time, and again where most torques are none of
+    the arm's. Where it gets worse than the fit, what was learned is forgotten.
+
+    Parameters
+    ----------
+    model : InverseDynamicsModel
+        Of the arm as it was commissioned.
+    walk : WalkSettings, optional
+        How friction changes.
+
+    Raises
+    ------
+    ModelError
+        If the model is no arm.
+
+    """
+
+    def __init__(self, model: InverseDynamicsModel, walk: WalkSettings | None = None) -> None:
+        self.commissioned, self.arm = model, FollowedArm(model, walk or WalkSettings())
+        self._walk = self.arm.walk
+        self._revolute = np.asarray(~is_prismatic(model.joint_types))
+        self._inflation = float(model.summary.get('covariance_inflation', NO_INFLATION))
+        self._t, self._quiet, self.n_forgotten = np.nan, np.inf, 0
+        self._q = np.zeros(model.n_joints)
+        self._dahl = np.zeros((model.n_joints, len(DISPLACEMENTS)))
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin with the fit, as long after it as friction remembers."""
+        self.numbers = self.arm.start.copy()
+        self.covariance = self.arm.covariance + np.diag(self._walk.variance)
+        self._squares, self._disturbed = np.zeros(2), 1.0
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether what was learned has been better than the fit, with few disturbances."""
+        better = self._squares[0] <= self._squares[1]
+        return bool(better and self._disturbed < MOST_DISTURBED)
+
+    @property
+    def model(self) -> InverseDynamicsModel:
+        """The arm as it is now, as far as that is trusted."""
+        if not self.is_trusted:
+            return self.commissioned
+        return self.arm.model(self.numbers, self.covariance)
+
+    def update(
+        self, t: ArrayLike, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, tau: ArrayLike
+    ) -> Followed:
+        """
+        Predict the torques of N samples one after the other, and learn from each after that.
+
+        Parameters
+        ----------
+        t : array-like, shape (N,)
+            Times [s], not before those of the last call.
+        q, dq, ddq, tau : array-likes, shape (N, n)
+            Positions [rad or m], velocities, accelerations, measured torques [N m or N].
+
+        Raises
+        ------
+        ShapeError
+            If an array does not have its shape.
+        DataError
+            If a number is not finite, or times go back; nothing is learned then.
+
+        """
+        times, *arrays = self._checked(t, (q, dq, ddq, tau))
+        starts = range(0, max(len(times), 1), CHUNK)
+        return Followed.joined(
+            [self._followed(*(x[k : k + CHUNK] for x in (times, *arrays))) for k in starts]
+        )
+
+    def _followed(self, t: Array, q: Array, dq: Array, ddq: Array, measured: Array) -> Followed:
+        if not t.size:
+            return Followed(q, q, q, *np.zeros((2, 0), dtype=np.bool_))
+        history, steps, active = self._history(t, q, dq), self._steps(t), self.arm.active
+        torque, slopes = self.arm.linearised(self.numbers, q, dq, ddq, history)
+        frozen, _ = self.arm.linearised(self.arm.start, q, dq, ddq, history)
+        noise = np.square(self.arm.noise.std_at(dq))
+        rests = np.abs(dq) < NEAR_REST * self.arm.speed
+        mean = self.numbers[active]
+        predicted, variance, outcome = np.empty_like(q), np.empty_like(q), np.empty(len(q))
+        self._quiet = follow(
+            mean,
+            self.covariance,
+            self._walk,
+            steps,
+            torque,
+            np.ascontiguousarray(slopes[..., active]),
+            measured,
+            np.where(rests, np.inf, self._inflation * noise),
+            GATE,
+            HOLD_S,
+            self._quiet,
+            predicted,
+            variance,
+            outcome,
+        )
+        self.numbers[active] = mean
+        self.numbers = self.arm.possible(self.numbers, self.covariance)
+        self._t, self._q = float(t[-1]), q[-1].copy()
+        learned, trusted = outcome == LEARNED, np.full(len(t), self.is_trusted)
+        followed = Followed(predicted, np.sqrt(variance + noise), frozen, learned, trusted)
+        std = np.where(rests, np.inf, np.sqrt(noise))
+        self._judge(steps, measured, followed, std, outcome == DISTURBED)
+        return followed
+
+    def _judge(
+        self, steps: Array, measured: Array, followed: Followed, std: Array, disturbed: BoolArray
+    ) -> None:
+        """Compare what was learned with the fit, and forget it where that has been better."""
+        moving = np.isfinite(std).any(axis=1)
+        if not moving.any():
+            return
+        # the time of motion, in which pauses count for a usual step
+        seconds = np.minimum(steps, LONGEST_GAP_S)[moving].sum()
+        kept = np.exp(-seconds / MEMORY_S)
+        for k, tau in enumerate((followed.tau, followed.frozen)):
+            ratio = np.minimum(np.abs(measured - tau) / std, GATE)
+            self._squares[k] = kept * self._squares[k] + (1.0 - kept) * np.mean(ratio[moving] ** 2)
+        share = float(np.mean(disturbed[moving]))
+        self._disturbed = kept * self._disturbed + (1.0 - kept) * share
+        if self._squares[0] > WORSE * self._squares[1]:
+            self.n_forgotten += 1
+            self._begin()
+
+    def _steps(self, t: Array) -> Array:
+        """Return the time since the sample before, shape (N,) [s]."""
+        before = t[0] if np.isnan(self._t) else self._t
+        return np.diff(t, prepend=before)
+
+    def _history(self, t: Array, q: Array, dq: Array) -> JointHistory:
+        """Return the states of Dahl's friction at the next samples, and keep the last."""
+        begins = begins_of_times(t, np.zeros(len(t)))
+        begins[0] = not 0.0 <= t[0] - self._t <= LONGEST_GAP_S
+        before = q[:1] if begins[0] else self._q[None]
+        path, rates = np.concatenate([before, q]), np.concatenate([dq[:1], dq])
+        marks = np.concatenate([np.ones(1, dtype=np.bool_), begins])
+        steps = Steps.of(path, rates, marks, self._revolute)
+        states = dahl_states(Steps(steps.size[1:], steps.begins[1:]), self._dahl)
+        self._dahl = states[-1].copy()
+        return JointHistory(dahl=states)
+
+    def _checked(self, t: ArrayLike, arrays: tuple[ArrayLike, ...]) -> list[Array]:
+        times, *others = (np.array(x, dtype=np.float64, order='C') for x in (t, *arrays))
+        shape = times.size, self.commissioned.n_joints
+        for x in others:
+            if times.ndim != 1 or x.shape != shape:
+                raise ShapeError(
+                    f't must have shape (N,) and q, dq, ddq, tau (N, {shape[1]}), but they have '
+                    f'{times.shape} and {x.shape}; pass one row for each time.'
+                )
+        if not all(np.isfinite(x).all() for x in (times, *others)):
+            raise DataError(
+                'finite times, states and torques were expected, but some are not; leave these '
+                'samples out.'
+            )
+        if (np.diff(times) < 0.0).any() or (times.size and times[0] < self._t):
+            raise DataError('times that do not go back were expected, but they do; sort them.')
+        return [times, *others]

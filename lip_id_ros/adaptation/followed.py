@@ -1,0 +1,235 @@
+"""
+What of an arm is followed: its links and its friction, with the posterior of the fit as prior.
+
+Torques are linear in both where the joints are, so that a Kalman filter follows them. What changes
+is friction: its coefficients take a random walk, links keep what the posterior leaves open.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from lip_id_ros.adaptation.kalman import Walk
+from lip_id_ros.adaptation.possible import can_exist, NearestLinks, scale_of_links
+from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.errors import ModelError
+from lip_id_ros.friction.compiled import friction_features
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.friction.terms import FrictionTerm, Offset
+from lip_id_ros.joint_history import JointHistory, UNKNOWN
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.model.remainder_mean import RemainderMean
+from lip_id_ros.rigid_body import LINK_PARAMETERS
+from lip_id_ros.rigid_body.regressor import torque_regressor
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
+
+STATES = 300
+"""Of the training range, at which sizes of torques are measured where a model keeps no states."""
+
+SECONDS = 3600.0
+
+SHARE_OF_NOISE = 0.1
+"""Of the noise, to which torques of links that can exist are fitted at least."""
+
+
+@dataclass(frozen=True)
+class WalkSettings:
+    """
+    How friction changes: an Ornstein-Uhlenbeck process of each coefficient.
+
+    Deviations in the long run: `friction` of a coefficient, as a share of itself, beside `small`
+    as a share of the friction of its joint; `offset` of constant torques, as such a share. `hours`
+    [h]: after which a coefficient that is not seen has returned to that of the fit by two thirds.
+    `most`: largest change that is followed, as a share of the friction of the joint.
+
+    """
+
+    friction: float = 0.5
+    small: float = 0.05
+    offset: float = 0.2
+    hours: float = 3.0
+    most: float = 2.5
+
+
+class FollowedArm:
+    """
+    Links and friction of a fitted arm as numbers that a filter follows.
+
+    The numbers are the parameters of the links (11 n), then the coefficients of friction (K).
+    `active`: those that the posterior has in use, p of them; torques of the others are among
+    theirs. ModelError if the model is no arm.
+
+    """
+
+    def __init__(self, model: InverseDynamicsModel, walk: WalkSettings) -> None:
+        if model.arm is None:
+            raise ModelError(
+                'a model with links and friction is needed to follow changes, but this one is a '
+                'Gaussian process on energies; fit with the default kernel.'
+            )
+        self._model, self._settings = model, walk
+        self.arm = arm = model.arm
+        self.noise = arm.noise
+        self._n_links, self._first = arm.links.size, DIRECTIONS * model.n_joints
+        self.start = np.concatenate([arm.links.ravel(), arm.friction.coefficients])
+        root = arm.covariance_root[self._first : self._first + self.start.size]
+        is_friction = np.arange(self.start.size) >= self._n_links
+        self.active: IndexArray = np.flatnonzero(root.any(axis=1) | is_friction)
+        self._root = root[self.active]
+        self._scale = scale_of_links(arm.links)
+        self._remainder = None if model.remainder is None else RemainderMean(model.remainder)
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the active numbers after the fit, shape (p, p)."""
+        return np.asarray(self._root @ self._root.T)
+
+    @property
+    def walk(self) -> Walk:
+        """How the active numbers change: friction does, links do not."""
+        links, own = np.zeros(self._n_links), self._settings
+        is_offset = np.array([isinstance(term, Offset) for _, term in self._columns])
+        start = self.arm.friction.coefficients
+        changing = np.hypot(own.friction * start, own.small * self.unit)
+        std = np.where(is_offset, own.offset * self.unit, changing)
+        most = own.most * self.unit
+        lower = np.maximum(self.arm.friction.basis.lower, start - most)
+        rate = np.full(std.size, 1.0 / (SECONDS * own.hours))
+        return Walk(
+            centre=self.start[self.active],
+            variance=np.concatenate([links, std**2])[self.active],
+            rate=np.concatenate([links, rate])[self.active],
+            lower=np.concatenate([links - np.inf, lower])[self.active],
+            upper=np.concatenate([links + np.inf, start + most])[self.active],
+        )
+
+    @cached_property
+    def friction_size(self) -> Array:
+        """Root mean square of each joint's friction in the training data, (n,) [N m or N]."""
+        torque = self._usual_features @ self.arm.friction.coefficients
+        return np.asarray(np.hypot(_rms(torque), self.arm.noise.std))
+
+    @cached_property
+    def unit(self) -> Array:
+        """Changes of the coefficients that change a torque by `friction_size`, shape (K,)."""
+        size = _rms(self._usual_features)
+        with np.errstate(divide='ignore'):
+            changes = (self.friction_size[:, None] / size).min(axis=0)
+        own = np.array([joint for joint, _ in self._columns], dtype=np.intp)
+        # friction with a memory is no feature of a single state; it is as large as dry friction
+        return np.where(np.isfinite(changes), changes, self.friction_size[own])
+
+    @cached_property
+    def speed(self) -> Array:
+        """Root mean square velocities of the training data, shape (n,) [rad/s or m/s]."""
+        return _rms(self._usual_states[1])
+
+    def friction_at_speed(self) -> Array:
+        """
+        Return the slopes of friction by its coefficients while one joint moves, (2, n, K).
+
+        Of each joint's own torque, forwards and backwards at `speed`, at the mean position.
+
+        """
+        q, _, _ = self._usual_states
+        dq = np.concatenate([np.diag(self.speed), -np.diag(self.speed)])
+        at, still = np.tile(q.mean(axis=0), (len(dq), 1)), np.zeros_like(dq)
+        features = self._features(at, dq, still)
+        n = len(self.speed)
+        return features[np.arange(2 * n), np.tile(np.arange(n), 2)].reshape(2, n, -1)
+
+    def linearised(
+        self, numbers: Array, q: Array, dq: Array, ddq: Array, history: JointHistory = UNKNOWN
+    ) -> tuple[Array, Array]:
+        """
+        Return the torques of N states, (N, n) [N m or N], and their slopes by all numbers.
+
+        `numbers`, shape (11 n + K,), around which torques are linear. `q`, `dq`, `ddq`, shape
+        (N, n). The slopes have shape (N, n, 11 n + K).
+
+        """
+        links, friction = self._parts(numbers)
+        regressor = torque_regressor(self.arm.chain, q, dq, ddq)
+        load = regressor @ links.ravel()
+        slopes = friction.load_slopes(q, dq, ddq, load, history)
+        own = friction_features(friction.basis, q, dq, ddq, load, history)
+        tau = load + own @ friction.coefficients
+        if self._remainder is not None:
+            self._remainder.add_to(tau, q, dq, ddq)
+        return tau, np.concatenate([regressor + slopes @ regressor, own], axis=2)
+
+    def possible(self, numbers: Array, covariance: Array) -> Array:
+        """Return the numbers of the arm that can exist with the nearest torques, (11 n + K,)."""
+        links, friction = self._parts(numbers)
+        if can_exist(links):
+            return np.concatenate([links.ravel(), friction.coefficients])
+        _, slopes = self.linearised(numbers, *self._usual_states)
+        active = slopes[..., self.active]
+        variance = np.einsum('tik,kl,til->ti', active, covariance, active)
+        std = np.sqrt(variance) + SHARE_OF_NOISE * self.arm.noise.std
+        rows = (slopes[..., : self._n_links] / std[..., None]).reshape(-1, self._n_links)
+        found = NearestLinks(links, rows, self._scale).found()
+        return np.concatenate([found.ravel(), friction.coefficients])
+
+    def model(self, numbers: Array, covariance: Array) -> InverseDynamicsModel:
+        """Return the model of an arm that can exist."""
+        links, friction = self._parts(numbers)
+        root = self._with_root(covariance)
+        arm = ArmPosterior(self.arm.chain, links, friction, self.arm.noise, root)
+        return replace(self._model, arm=arm)
+
+    def _parts(self, numbers: Array) -> tuple[Array, FrictionModel]:
+        basis = self.arm.friction.basis
+        coefficients = np.maximum(numbers[self._n_links :], basis.lower)
+        links = numbers[: self._n_links].reshape(-1, LINK_PARAMETERS)
+        return links, FrictionModel(basis, coefficients)
+
+    def _with_root(self, covariance: Array) -> Array:
+        """Return the root of the covariance of all coordinates; placements keep their own."""
+        values, vectors = np.linalg.eigh(covariance)
+        own = vectors * np.sqrt(np.maximum(values, 0.0))
+        rows, kept = self._first + self.active, self.arm.covariance_root.copy()
+        kept[rows] = 0.0
+        followed = np.zeros((len(kept), own.shape[1]))
+        followed[rows] = own
+        return np.asarray(np.linalg.qr(np.hstack([kept, followed]).T, mode='r').T)
+
+    @property
+    def _columns(self) -> list[tuple[int, FrictionTerm]]:
+        """The joint and the term of every coefficient."""
+        terms = self.arm.friction.basis.terms
+        return [(e.drive.efforts[0][0], e.term) for e in terms for _ in range(e.size)]
+
+    @cached_property
+    def _usual_states(self) -> tuple[Array, Array, Array]:
+        return _usual_states(self._model)
+
+    @cached_property
+    def _usual_features(self) -> Array:
+        """Features of friction at training states, shape (M, n, K)."""
+        return self._features(*self._usual_states)
+
+    def _features(self, q: Array, dq: Array, ddq: Array) -> Array:
+        load = torque_regressor(self.arm.chain, q, dq, ddq) @ self.arm.links.ravel()
+        return friction_features(self.arm.friction.basis, q, dq, ddq, load)
+
+
+def _usual_states(model: InverseDynamicsModel) -> tuple[Array, Array, Array]:
+    """Return states like those of the training data, each of shape (M, n)."""
+    known, n = model.known_states, model.n_joints
+    if known is not None:
+        rows = known.states * known.scale
+    else:
+        low, high = (each.ravel() for each in model.training_range)
+        rows = np.random.default_rng(0).uniform(low, high, (STATES, 3 * n))
+    q, dq, ddq = (np.ascontiguousarray(rows[:, k * n : (k + 1) * n]) for k in range(3))
+    return q, dq, ddq
+
+
+def _rms(values: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

@@ -1,0 +1,79 @@
+"""Arms that are known, with a posterior around the truth, and streams of their torques."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from model.models import of_arm
+import numpy as np
+from rigid_body.arms import random_bodies, random_chain
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.friction.drives import Drive, DriveTerm
+from lip_id_ros.friction.hysteresis import Dahl
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
+from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.arm_posterior import ArmPosterior
+
+KINDS, TYPES = 'RRR', ('revolute',) * 3
+WIDTH, NOISE, SHARE = 0.05, 0.02, 0.02
+RATE_HZ = 20.0
+
+
+class Stream(NamedTuple):
+    """Times (N,) and q, dq, ddq, tau, each of shape (N, n)."""
+
+    t: Array
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+
+
+def known_model(memory: bool = False) -> InverseDynamicsModel:
+    """Return a model of three joints whose posterior is a share of its parameters."""
+    rng = np.random.default_rng(5)
+    n = len(KINDS)
+    terms = plain_friction(n, np.full(n, WIDTH)).terms
+    values = np.tile([0.8, 0.6, 0.05], n)
+    if memory:
+        terms += (DriveTerm(Drive.of_joint(1), Dahl(WIDTH, 0.01)),)
+        values = np.append(values, 0.5)
+    friction = FrictionModel(FrictionBasis(n, terms), values)
+    links = random_bodies(n, rng)
+    std = SHARE * np.concatenate([np.zeros(6 * n), np.abs(links).ravel(), values])
+    arm = ArmPosterior(
+        chain=random_chain(KINDS, rng),
+        links=links,
+        friction=friction,
+        noise=TorqueNoise.constant(np.full(n, NOISE)),
+        covariance_root=np.diag(std),
+    )
+    ranges = np.array([[1.5], [2.0], [5.0]]) * np.ones(n)
+    model = of_arm(arm, TYPES)
+    return replace(model, training_range=(-ranges, ranges), known_states=None)
+
+
+def with_friction(model: InverseDynamicsModel, factor: float) -> InverseDynamicsModel:
+    """Return an arm with another viscous and dry friction."""
+    assert model.arm is not None
+    friction = model.arm.friction
+    changed = FrictionModel(friction.basis, factor * friction.coefficients)
+    return replace(model, arm=replace(model.arm, friction=changed))
+
+
+def stream(
+    model: InverseDynamicsModel, seconds: float, seed: int = 0, start: float = 0.0
+) -> Stream:
+    """Return a motion of random sinusoids with the torques of an arm."""
+    rng = np.random.default_rng(seed)
+    t = start + np.arange(0.0, seconds, 1.0 / RATE_HZ)
+    w = 2.0 * np.pi * rng.uniform(0.05, 0.4, (model.n_joints, 5))
+    phase = t[:, None, None] * w + rng.uniform(0.0, 2.0 * np.pi, w.shape)
+    a = rng.uniform(0.2, 0.5, w.shape)
+    parts = a * np.sin(phase), a * w * np.cos(phase), -a * w**2 * np.sin(phase)
+    q, dq, ddq = (each.sum(axis=2) for each in parts)
+    clean = model.predict(q, dq, ddq, t).tau
+    return Stream(t, q, dq, ddq, clean + NOISE * rng.standard_normal(clean.shape))

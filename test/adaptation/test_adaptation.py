@@ -1,0 +1,204 @@
+"""An arm whose friction changes is followed, and nothing else moves it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from adaptation.arms import known_model, RATE_HZ, Stream, stream, with_friction
+from model.models import random_model
+import numpy as np
+import pytest
+
+from lip_id_ros.adaptation.adaptation import Adaptation, CHUNK
+from lip_id_ros.adaptation.changes import change_lines, changes, friction_at_speed
+from lip_id_ros.adaptation.possible import can_exist
+from lip_id_ros.errors import DataError, ModelError, ShapeError
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
+
+MEMBER = 'lip'
+
+
+def rms(errors: np.ndarray) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def error_of(model: InverseDynamicsModel, data: Stream) -> float:
+    """Return the error of a model along a stream."""
+    return rms(model.predict(data.q, data.dq, data.ddq, data.t).tau - data.tau)
+
+
+def test_friction_that_falls_is_followed_with_deviations_that_hold() -> None:
+    model = known_model()
+    warm = with_friction(model, 0.6)
+    data, later = stream(warm, 60.0), stream(warm, 30.0, seed=1)
+    adaptation = Adaptation(model)
+    followed = adaptation.update(*data)
+    assert followed.learned.all()
+    assert error_of(adaptation.model, later) < 1.1 * error_of(warm, later)
+    assert error_of(model, later) > 5.0 * error_of(warm, later)
+    within = np.abs(followed.tau - data.tau) <= 2.0 * followed.std
+    assert 0.85 <= within.mean() <= 0.995
+    torque, std = friction_at_speed(adaptation)
+    truth, _ = friction_at_speed(Adaptation(warm))
+    assert (np.abs(torque - truth) < 3.0 * std).all()
+
+
+def test_what_has_changed_is_named_and_an_arm_that_has_not_is_not_blamed() -> None:
+    model = known_model()
+    same, other = Adaptation(model), Adaptation(model)
+    same.update(*stream(model, 40.0))
+    assert changes(same) == []
+    assert change_lines([]) == ['No friction has surely changed by a tenth or more.']
+    other.update(*stream(with_friction(model, 0.6), 40.0))
+    found = changes(other)
+    assert {each.joint for each in found} == set(model.joint_names)
+    friction = [each for each in found if each.what.startswith('friction')]
+    np.testing.assert_allclose([x.now / x.before for x in friction], 0.6, atol=0.05)
+    assert 'standard deviations' in friction[0].sentence()
+
+
+def contact(data: Stream) -> Stream:
+    """Push at every joint for a third of the time."""
+    pushed = (data.t % 6.0 < 2.0)[:, None] * np.array([3.0, -4.0, 2.0])
+    return data._replace(tau=data.tau + pushed)
+
+
+def turned(data: Stream) -> Stream:
+    """Turn the sign of a joint's effort."""
+    return data._replace(tau=data.tau * np.array([1.0, -1.0, 1.0]))
+
+
+def stuck(data: Stream) -> Stream:
+    """Hold the effort of a joint."""
+    tau = data.tau.copy()
+    tau[:, 1] = tau[0, 1]
+    return data._replace(tau=tau)
+
+
+def exchanged(data: Stream) -> Stream:
+    """Exchange the efforts of two joints."""
+    return data._replace(tau=data.tau[:, [1, 0, 2]])
+
+
+def at_rest(data: Stream) -> Stream:
+    """Stand still, held by friction that is anything."""
+    still = np.zeros_like(data.q)
+    held = 0.4 * np.sin(0.01 * data.t)[:, None] + np.mean(data.tau, axis=0)
+    return Stream(data.t, still + data.q[0], still, still, held)
+
+
+def one_sine(data: Stream) -> Stream:
+    """Move one joint alone, to and fro."""
+    q, dq, ddq = (np.zeros_like(data.q) for _ in range(3))
+    q[:, 0], dq[:, 0], ddq[:, 0] = np.sin(data.t), np.cos(data.t), -np.sin(data.t)
+    return Stream(data.t, q, dq, ddq, known_model().predict(q, dq, ddq, data.t).tau)
+
+
+@pytest.mark.parametrize('spoil', [contact, turned, stuck, exchanged, at_rest, one_sine])
+def test_bad_data_make_no_model_that_is_worse_than_the_fit(spoil: object) -> None:
+    model = known_model()
+    adaptation = Adaptation(model)
+    assert callable(spoil)
+    adaptation.update(*spoil(stream(model, 600.0)))
+    assert np.isfinite(adaptation.numbers).all()
+    later = stream(model, 30.0, seed=1, start=600.0)
+    assert error_of(adaptation.model, later) < 1.1 * error_of(model, later)
+    assert adaptation.model.arm is not None
+    assert can_exist(adaptation.model.arm.links)
+
+
+def test_what_got_worse_than_the_fit_is_forgotten() -> None:
+    """Friction is half for a minute, then as fitted, in jumps that the filter is late for."""
+    model = known_model()
+    adaptation = Adaptation(model)
+    adaptation.update(*stream(with_friction(model, 0.8), 60.0))
+    adaptation.numbers[-1] += 0.5  # an estimate that went astray
+    adaptation.covariance *= 1e-12
+    adaptation.update(*stream(model, 60.0, start=60.0))
+    assert adaptation.n_forgotten >= 1
+    later = stream(model, 30.0, seed=1, start=120.0)
+    assert error_of(adaptation.model, later) < 1.1 * error_of(model, later)
+
+
+def test_pieces_of_a_stream_are_the_stream() -> None:
+    model = known_model(memory=True)
+    data = stream(with_friction(model, 0.7), 3 * CHUNK / RATE_HZ)
+    whole, pieces = Adaptation(model), Adaptation(model)
+    expected = whole.update(*data).tau
+    found = [
+        pieces.update(*(x[k : k + CHUNK] for x in data)).tau for k in range(0, data.t.size, CHUNK)
+    ]
+    np.testing.assert_array_equal(np.concatenate(found), expected)
+    np.testing.assert_array_equal(pieces.covariance, whole.covariance)
+
+
+def test_a_fit_that_remembers_is_the_model_along_a_stream() -> None:
+    model = known_model(memory=True)
+    data = stream(model, 20.0)
+    expected = model.predict(data.q, data.dq, data.ddq, data.t).tau
+    np.testing.assert_allclose(Adaptation(model).update(*data).frozen, expected, atol=1e-12)
+
+
+def test_a_fit_with_a_residual_process_is_the_model() -> None:
+    model = random_model(ARTICULATED)
+    rng = np.random.default_rng(0)
+    q, dq, ddq = rng.normal(size=(3, 6, model.n_joints))
+    found = Adaptation(model).update(np.arange(6.0), q, dq, ddq, np.zeros_like(q))
+    expected = model.predict(q, dq, ddq, np.arange(6.0)).tau
+    np.testing.assert_allclose(found.frozen, expected, rtol=1e-9)
+
+
+def test_the_followed_model_is_a_model_like_any_other(tmp_path: Path) -> None:
+    model = known_model()
+    adaptation = Adaptation(model)
+    data = stream(with_friction(model, 0.6), 30.0)
+    adaptation.update(*data)
+    adaptation.model.save(tmp_path / 'now.npz')
+    loaded = InverseDynamicsModel.load(tmp_path / 'now.npz')
+    state = data.q, data.dq, data.ddq
+    np.testing.assert_array_equal(loaded.predict(*state).tau, adaptation.model.predict(*state).tau)
+    assert (loaded.torque_std(*state) > 0.0).all()
+    assert (np.linalg.eigvalsh(loaded.inertia_matrix(data.q)) > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ('change', 'error', 'sentence'),
+    [
+        (lambda s: s._replace(tau=np.full_like(s.tau, np.nan)), DataError, 'finite'),
+        (lambda s: s._replace(t=np.full_like(s.t, np.inf)), DataError, 'finite'),
+        (lambda s: s._replace(t=s.t[::-1]), DataError, 'do not go back'),
+        (lambda s: s._replace(q=s.q[:, :2]), ShapeError, 'one row for each time'),
+        (lambda s: s._replace(t=s.t[:-1]), ShapeError, 'one row for each time'),
+    ],
+)
+def test_samples_that_cannot_be_used_are_refused_and_change_nothing(
+    change: object, error: type[Exception], sentence: str
+) -> None:
+    model = known_model()
+    adaptation = Adaptation(model)
+    before = adaptation.numbers.copy()
+    assert callable(change)
+    with pytest.raises(error, match=sentence):
+        adaptation.update(*change(stream(model, 5.0)))
+    np.testing.assert_array_equal(adaptation.numbers, before)
+
+
+def test_time_does_not_go_back_between_calls() -> None:
+    model = known_model()
+    adaptation = Adaptation(model)
+    adaptation.update(*stream(model, 5.0))
+    with pytest.raises(DataError, match='do not go back'):
+        adaptation.update(*stream(model, 5.0))
+
+
+def test_no_samples_are_no_change() -> None:
+    model = known_model()
+    followed = Adaptation(model).update(*(x[:0] for x in stream(model, 1.0)))
+    assert followed.tau.shape == (0, model.n_joints)
+
+
+def test_a_process_on_energies_cannot_be_followed() -> None:
+    with pytest.raises(ModelError, match='default kernel'):
+        Adaptation(random_model(MEMBER))

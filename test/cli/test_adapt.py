@@ -1,0 +1,70 @@
+"""`lip_id adapt`: recordings of a later day."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from adaptation.arms import known_model, NOISE, stream, TYPES, with_friction
+import numpy as np
+import pytest
+
+from lip_id_ros.cli import main
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.model import InverseDynamicsModel
+
+SECONDS = 40.0
+
+
+@pytest.fixture(scope='module')
+def day(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a model of a cold arm, and recordings of a cold and a warm one."""
+    folder = tmp_path_factory.mktemp('day')
+    cold = known_model()
+    cold.save(folder / 'arm.npz')
+    for name, factor in (('cold', 1.0), ('warm', 0.6)):
+        data = stream(with_friction(cold, factor), SECONDS)
+        Dataset(
+            **data._asdict(),
+            joint_names=cold.joint_names,
+            joint_types=TYPES,
+            segment=np.zeros(data.t.size, dtype=np.int64),
+        ).save(folder / f'{name}.npz')
+    return folder
+
+
+def test_a_warm_arm_is_followed_and_its_model_written(
+    day: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now, figures = tmp_path / 'now.npz', tmp_path / 'figures.json'
+    sources = [str(day / name) for name in ('arm.npz', 'cold.npz', 'warm.npz')]
+    outputs = ['-o', str(now), '--json', str(figures), '--report', str(tmp_path / 'page')]
+    assert main(['adapt', *sources, *outputs]) == 0
+    shown = capsys.readouterr().out
+    assert 'joint_2: friction at' in shown
+    assert 'Recording 2' in shown
+    found = json.loads(figures.read_text())
+    cold, warm = found['recordings']
+    assert cold['trusted_percent'] < 100.0 == cold['learned_percent']
+    ratios = np.divide(warm['nmse_percent'], warm['frozen_nmse_percent'])
+    assert (ratios < 0.5).all()
+    assert {each['joint'] for each in found['changes']} == {'joint_1', 'joint_2', 'joint_3'}
+    page = (tmp_path / 'page' / 'index.html').read_text()
+    assert 'An arm that changes' in page
+    assert page.count('data:image/png') == 2
+    after = stream(with_friction(known_model(), 0.6), 20.0, seed=3)
+    error = InverseDynamicsModel.load(now).predict(*after[1:4]).tau - after.tau
+    assert np.sqrt(np.mean(error**2)) < 1.2 * NOISE
+
+
+def test_an_arm_that_has_not_changed_is_said_to_be_the_same(
+    day: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['adapt', str(day / 'arm.npz'), str(day / 'cold.npz')]) == 0
+    assert 'No friction has surely changed' in capsys.readouterr().out
+
+
+def test_a_pause_is_a_time(day: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(['adapt', str(day / 'arm.npz'), str(day / 'cold.npz'), '--pause', '-1'])
+    assert 'number of seconds' in capsys.readouterr().err
