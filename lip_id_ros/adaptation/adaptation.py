@@ -12,7 +12,7 @@ from lip_id_ros.adaptation.followed import FollowedArm, WalkSettings
 from lip_id_ros.adaptation.kalman import DISTURBED, follow, LEARNED
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import DataError, ShapeError
-from lip_id_ros.friction.paths import begins_of_times, dahl_states, LONGEST_GAP_S, Steps
+from lip_id_ros.friction.dahl import begins_of_times, dahl_states, LONGEST_GAP_S, Steps
 from lip_id_ros.joint_history import DISPLACEMENTS, JointHistory
 from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.model import InverseDynamicsModel

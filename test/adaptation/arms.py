@@ -10,8 +10,8 @@ import numpy as np
 from rigid_body.arms import random_bodies, random_chain
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.friction.dahl import Dahl
 from lip_id_ros.friction.drives import Drive, DriveTerm
-from lip_id_ros.friction.hysteresis import Dahl
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.model import InverseDynamicsModel
