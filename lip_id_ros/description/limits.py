@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
-from lip_id_ros.description.urdf import LARGEST, parsed
+from lip_id_ros.description.urdf import LARGEST, parsed, sane
 from lip_id_ros.errors import DataError
 
 ANY_TURN = np.pi
@@ -56,11 +56,8 @@ def _number(joint: ET.Element, name: str, place: str) -> float:
         return np.nan
     # http://wiki.ros.org/urdf/XML/joint: positions default to 0
     word = limit.get(name, '0')
-    try:
-        value = float(word)
-    except ValueError:
-        value = np.nan
-    if not abs(value) <= LARGEST:
+    value = sane(word)
+    if np.isnan(value):
         raise DataError(
             f'<limit {name}="..."> of joint {joint.get("name")!r} in {place} was expected to be a '
             f'number of at most {LARGEST:g}, but is {word!r}; correct the URDF.'
@@ -84,11 +81,8 @@ def effort_limits(text: str, place: str, joint_names: Sequence[str]) -> tuple[fl
 def _effort_limit(joints: Sequence[ET.Element], name: str, place: str) -> float:
     limit = _joint(joints, name, place, 'torque_limits').find('limit')
     word = None if limit is None else limit.get('effort')
-    try:
-        value = float(word or 'nan')
-    except ValueError:
-        value = np.nan
-    if not 0.0 < value <= LARGEST:
+    value = sane(word or '')
+    if not value > 0.0:
         has = 'none' if word is None else repr(word)
         raise DataError(
             f'<limit effort="..."> of joint {name!r} in {place} was expected to be above 0 and at '

@@ -103,6 +103,15 @@ def _require_metres(description: RobotDescription) -> None:
         )
 
 
+def sane(word: str) -> float:
+    """Return the number that a word of a URDF is; nan where it is none, or beyond `LARGEST`."""
+    try:
+        value = float(word)
+    except ValueError:
+        return np.nan
+    return value if abs(value) <= LARGEST else np.nan
+
+
 def parsed(text: str, place: str) -> ET.Element:
     """
     Return the `<robot>` element of a URDF.
@@ -308,11 +317,8 @@ class _Reader:
         return 0.0 if element is None else self._float(element.get(name, '0'), f'{name} of {what}')
 
     def _float(self, word: str, what: str) -> float:
-        try:
-            value = float(word)
-        except ValueError:
-            value = np.nan
-        if not abs(value) <= LARGEST:
+        value = sane(word)
+        if np.isnan(value):
             raise DataError(
                 f'{what} in {self._place} was expected to be a number of at most {LARGEST:g}, not '
                 f'{word!r}.'

@@ -8,7 +8,7 @@ equations square the condition number. So the noise and the choice of columns st
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,36 +122,6 @@ class TorqueStatistics:
             block[:, -1] = factor[:, -1] / std
             blocks.append(block)
         return triangular(*blocks)
-
-    def to_arrays(self) -> dict[str, Array | IndexArray]:
-        """Return named arrays, to be saved; `from_arrays` reads them."""
-        arrays: dict[str, Array | IndexArray] = {'counts': self.counts}
-        for i, (column, factor) in enumerate(zip(self.columns, self.factors, strict=True)):
-            arrays[f'columns_{i}'], arrays[f'factor_{i}'] = column, factor
-        return arrays
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, Array | IndexArray]) -> TorqueStatistics:
-        """Return the statistics that `to_arrays` gave; raises ShapeError if these do not fit."""
-        try:
-            counts = np.asarray(arrays['counts'], dtype=np.float64)
-            joints = range(counts.size)
-            columns = tuple(np.asarray(arrays[f'columns_{i}'], dtype=np.intp) for i in joints)
-            factors = tuple(np.asarray(arrays[f'factor_{i}'], dtype=np.float64) for i in joints)
-        except KeyError as error:
-            raise ShapeError(
-                f'statistics with an array {error} were expected, but it is missing; '
-                'gather them again.'
-            ) from error
-        if any(
-            factor.shape != (column.size + 1,) * 2
-            for column, factor in zip(columns, factors, strict=True)
-        ):
-            raise ShapeError(
-                'a square factor per joint with one row more than columns was expected, but the '
-                'shapes differ; gather the statistics again.'
-            )
-        return cls(columns, factors, counts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -145,11 +145,10 @@ def test_variance_of_a_prediction() -> None:
     np.testing.assert_allclose(got.variance(rows), np.diagonal(rows @ covariance @ rows.T))
 
 
-def test_saved_and_gone_on_with() -> None:
+def test_gone_on_with() -> None:
     features, tau = samples(60)
     first = part(features, tau, slice(0, 40))
-    again = TorqueStatistics.from_arrays(first.to_arrays())
-    both = again.update([f[40:] for f in features], tau[40:])
+    both = first.update([f[40:] for f in features], tau[40:])
     expected = posterior(part(features, tau, slice(None)), NOISE, PRIOR).mean
     np.testing.assert_allclose(posterior(both, NOISE, PRIOR).mean, expected, rtol=1e-10)
 
@@ -168,8 +167,3 @@ def test_shapes_that_do_not_fit() -> None:
         TorqueStatistics.empty(COLUMNS).update(features[:2], tau)
     with pytest.raises(ShapeError, match='the columns differ'):
         TorqueStatistics.empty(COLUMNS).merge(TorqueStatistics.empty(COLUMNS[:2]))
-    arrays = TorqueStatistics.empty(COLUMNS).to_arrays()
-    with pytest.raises(ShapeError, match='factor_1'):
-        TorqueStatistics.from_arrays({k: v for k, v in arrays.items() if k != 'factor_1'})
-    with pytest.raises(ShapeError, match='square factor'):
-        TorqueStatistics.from_arrays({**arrays, 'factor_1': np.zeros((2, 2))})
