@@ -1,7 +1,7 @@
 """
-Spatial algebra in the frames of links (maths.md, section 10.
+Spatial algebra in the frames of links (Featherstone, Rigid Body Dynamics Algorithms, 2008).
 
-Featherstone 2008). Vectors are tuples of three numbers, which compiled loops keep in registers.
+Vectors are tuples of three numbers, which compiled loops keep in registers (maths.md, section 10).
 """
 
 from __future__ import annotations
