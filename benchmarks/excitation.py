@@ -38,7 +38,7 @@ ROBOTS = {'Panda': ('panda_description/urdf/panda.urdf', 7),
           'UR10': ('ur_description/urdf/ur10_robot.urdf', 6)}  # fmt: skip
 EFFECTS = {'mild': MILD, 'industrial': INDUSTRIAL}
 LEARNERS = ('rigid_body', 'rigid_body_friction', 'articulated')
-"""Least squares with the true chain, without and with election of friction; the default fit."""
+"""Least squares with the true chain, without and with selection of friction; the default fit."""
 
 MOTIONS = ('designed', 'best of 30', 'random 0', 'random 1', 'random 2', 'random 40 s')
 

@@ -134,7 +134,7 @@ def _agreements(model: InverseDynamicsModel) -> dict[str, str]:
     """Return how far other readers of the exported links and friction differ from the model."""
     arm = describe(model, 'arm').arm
     states = arm.ranges.random_states(STATES, np.random.default_rng(0))
-    own = model.arm if model.arm is not None and model.remainder is not None else None
+    own = model.arm if model.arm is not None and model.residual_gp is not None else None
     tau = model.predict(*states).tau if own is None else own.torque(*states)
     return {
         name: f'{form.check(form.text(arm), arm, tau, states).difference.max():.0e}'

@@ -61,7 +61,7 @@ PARTS = {
         *('dataset', 'description', 'friction', 'gp', 'linear_algebra', 'model', 'rigid_body'),
         'settings',
     },
-    # its election of a cut-off predicts torques of links
+    # its selection of a cut-off predicts torques of links
     'loading': {
         *('dataset', 'health', 'identification', 'preprocessing', 'recording', 'rigid_body'),
         'settings',

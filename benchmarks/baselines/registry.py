@@ -53,7 +53,7 @@ LITERATURE = {
         needs_urdf=True,
     ),
     'rigid_body_friction': LiteratureMethod(
-        'the same with the friction terms of the default fit, elected joint by joint',
+        'the same with the friction terms of the default fit, selected joint by joint',
         'rigid_body_friction',
         needs_urdf=True,
     ),

@@ -1,4 +1,4 @@
-"""Identification with known kinematics and with friction terms that are elected joint by joint."""
+"""Identification with known kinematics and with friction terms selected joint by joint."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from benchmarks.baselines.rigid_body import (
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.identification.friction_election import elect_friction
+from lip_id_ros.identification.friction_selection import select_friction
 from lip_id_ros.identification.link_torques import link_prior_std
 from lip_id_ros.model import TorquePrediction
 from lip_id_ros.progress import Progress
@@ -23,7 +23,7 @@ from lip_id_ros.rigid_body.regressor import (
 )
 from lip_id_ros.settings import FitSettings
 
-STAGE = 'election of friction'
+STAGE = 'selection of friction'
 
 
 class RigidBodyFriction(Baseline):
@@ -63,18 +63,18 @@ class FrictionIdentification(Identification):
     """
     Least squares on rigid links and the friction terms that the default fit has on offer.
 
-    The rival that has everything of the default fit and the true kinematics: what is elected, and
-    how, is the same (`lip_id_ros.identification.friction_election`).
+    The rival that has everything of the default fit and the true kinematics: what is selected, and
+    how, is the same (`lip_id_ros.identification.friction_selection`).
 
     """
 
     def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> Baseline:
-        """Elect friction and identify from all samples."""
+        """Select friction and identify from all samples."""
         chain = known_chain(self._urdf, dataset)
-        elected = elect_friction(dataset, chain, link_prior_std(dataset))
+        selected = select_friction(dataset, chain, link_prior_std(dataset))
         progress(STAGE, 1, 1)
         names = dataset.joint_names, dataset.joint_types
-        return RigidBodyFriction(*names, chain, elected.link_parameters, elected.friction)
+        return RigidBodyFriction(*names, chain, selected.link_parameters, selected.friction)
 
 
 METHODS: Methods = {'rigid_body_friction': FrictionIdentification}

@@ -41,15 +41,15 @@ def test_it_finds_torques_and_energies_exactly() -> None:
     assert metrics.nmse_percent_without_offset(found.potential, unseen.potential) < 5
 
 
-def test_elected_friction_beside_true_kinematics() -> None:
-    """Any axes of the URDF are those of the chain; what drives really have is elected."""
+def test_selected_friction_beside_true_kinematics() -> None:
+    """Any axes of the URDF are those of the chain; what drives really have is selected."""
     data, unseen = runs(3, 400, FRICTION)
     extra = [5.0 * d.dq * np.abs(d.dq) * [1.0, 0.0, 0.0] for d in (data, unseen)]
     data, unseen = (replace(d, tau=d.tau + e) for d, e in zip((data, unseen), extra, strict=True))
     learned = method('rigid_body_friction', panda_urdf()).fit(data, SETTINGS, silent)
     assert isinstance(learned, RigidBodyFriction)
     found = learned.predict(unseen.q, unseen.dq, unseen.ddq)
-    # the simulated sign jumps, the elected one is smooth
+    # the simulated sign jumps, the selected one is smooth
     assert metrics.nmse_percent(found.tau, unseen.tau).max() < 0.5
     assert 'quadratic viscous' in learned.friction.names()[0]
 

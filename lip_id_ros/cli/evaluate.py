@@ -143,7 +143,7 @@ def _rollouts(model: InverseDynamicsModel, dataset: Dataset, urdf: str | None) -
 
 
 def _not_simulated(model: InverseDynamicsModel) -> list[str]:
-    from lip_id_ros.export.arm import remainder_of
+    from lip_id_ros.export.arm import residual_gp_of
 
-    remainder = remainder_of(model)
-    return [] if remainder is None else [f'The rollout leaves out {remainder}.']
+    residual_gp = residual_gp_of(model)
+    return [] if residual_gp is None else [f'The rollout leaves out {residual_gp}.']

@@ -88,8 +88,8 @@ def run(args: argparse.Namespace) -> None:
     name = identifier(Path(args.model).stem if args.name is None else args.name)
     exported = describe(model, name)
     console = output.console(*targets.values())
-    remainder = exported.remainder
-    of_what = 'the model' if remainder is None else 'the links and friction in the file'
+    residual_gp = exported.residual_gp
+    of_what = 'the model' if residual_gp is None else 'the links and friction in the file'
     template = _template(args, model)
     files = {
         name: formatted(name, exported, template if name == 'urdf' else None) for name in targets
@@ -103,8 +103,8 @@ def run(args: argparse.Namespace) -> None:
             show_lines([agreement.sentence(of_what)], console)
             agreements[format_name] = agreement
         lines += file.left_out
-    if remainder is not None:
-        lines.append(f'Left out: {remainder}. Torques of the files are less accurate there.')
+    if residual_gp is not None:
+        lines.append(f'Left out: {residual_gp}. Torques of the files are less accurate there.')
     if template is not None:
         arm = files['urdf'].exported.arm
         lines += template_remarks(arm, template.description, args.origins)

@@ -121,7 +121,7 @@ def _recording(args: argparse.Namespace, console: Console) -> dict[str, Any]:
 def _effort_findings(
     args: argparse.Namespace, progress: Progress
 ) -> tuple[tuple[Finding, ...], list[str]]:
-    """Return what the efforts are found to be, and what preprocessing was elected for that."""
+    """Return what the efforts are found to be, and what preprocessing was selected for that."""
     from lip_id_ros.cli.models import chosen_config
     from lip_id_ros.evaluation import data_remarks
     from lip_id_ros.health.effort_meaning import diagnose_effort

@@ -24,7 +24,7 @@ from lip_id_ros.evaluation.tables import (
     show_lines,
     Table,
 )
-from lip_id_ros.export.arm import remainder_of
+from lip_id_ros.export.arm import residual_gp_of
 from lip_id_ros.export.friction_table import Coefficient, friction_table, HEADER
 from lip_id_ros.export.kinematics import model_kinematics, UNIDENTIFIED
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
@@ -101,15 +101,15 @@ def _show_links(model: InverseDynamicsModel, console: Console) -> None:
     title = f'Denavit-Hartenberg: {kinematics.transform}'
     show(Table(title, ('', *kinematics.header), kinematics.cells()), console)
     text = 'The model has rigid links and friction; a Gaussian process would not improve it.'
-    if (remainder := remainder_of(model)) is not None:
-        text = f'The model has {remainder}.'
+    if (residual_gp := residual_gp_of(model)) is not None:
+        text = f'The model has {residual_gp}.'
     show_lines([UNIDENTIFIED] * (not kinematics.identified.all()) + [text], console)
 
 
-def _remainder_joints(model: InverseDynamicsModel) -> list[str]:
-    if model.remainder is None:
+def _residual_gp_joints(model: InverseDynamicsModel) -> list[str]:
+    if model.residual_gp is None:
         return []
-    pairs = zip(model.joint_names, model.remainder.joints, strict=True)
+    pairs = zip(model.joint_names, model.residual_gp.joints, strict=True)
     return [name for name, has in pairs if has]
 
 
@@ -122,7 +122,7 @@ def described_model(model: InverseDynamicsModel) -> dict[str, Any]:
     links = {}
     if (kinematics := model_kinematics(model)) is not None:
         links = {
-            'remainder': _remainder_joints(model),
+            'remainder': _residual_gp_joints(model),
             KINEMATICS: kinematics.to_json(),
             COUPLED: _couplings(model),
             FRICTION: [each._asdict() for each in friction_table(model)],

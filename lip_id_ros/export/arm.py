@@ -111,13 +111,13 @@ class Exported:
     """
     An arm to export, in frames of Denavit and Hartenberg, and in those of the model.
 
-    The latter are those of the URDF that it was fitted with, if any. `remainder`, or None: what
+    The latter are those of the URDF that it was fitted with, if any. `residual_gp`, or None: what
     the model has beside links and friction, which is not exported.
     """
 
     arm: ArmDescription
     in_model_frames: ArmDescription
-    remainder: str | None
+    residual_gp: str | None
 
 
 def describe(model: InverseDynamicsModel, name: str) -> Exported:
@@ -127,10 +127,10 @@ def describe(model: InverseDynamicsModel, name: str) -> Exported:
             f'rigid links were expected, but the model has the kernel {model.kernel!r} alone, '
             'which no other program evaluates; fit with the default kernel.'
         )
-    remainder = remainder_of(model)
+    residual_gp = residual_gp_of(model)
     remarks = [BASE_PARAMETERS, RECORDED, _load(model), *_efforts(model)]
     remarks += [] if model.has_potential else [NO_GRAVITY]
-    remarks += [] if remainder is None else [f'Left out: {remainder}.']
+    remarks += [] if residual_gp is None else [f'Left out: {residual_gp}.']
     still = np.zeros(model.n_joints)
     arm = ArmDescription(
         name=name,
@@ -143,7 +143,7 @@ def describe(model: InverseDynamicsModel, name: str) -> Exported:
         remarks=tuple(remarks),
         summary=model.summary,
     )
-    return Exported(arm.in_standard_frames(), arm, remainder)
+    return Exported(arm.in_standard_frames(), arm, residual_gp)
 
 
 def _load(model: InverseDynamicsModel) -> str:
@@ -163,14 +163,14 @@ def _efforts(model: InverseDynamicsModel) -> list[str]:
     ]
 
 
-def remainder_of(model: InverseDynamicsModel) -> str | None:
+def residual_gp_of(model: InverseDynamicsModel) -> str | None:
     """Return the joints with Gaussian processes in words, None where there is none."""
-    remainder = model.remainder
-    if remainder is None:
+    residual_gp = model.residual_gp
+    if residual_gp is None:
         return None
     names = np.array(model.joint_names)
-    beside = names[remainder.joints & ~remainder.replaces].tolist()
-    instead = names[remainder.replaces].tolist()
+    beside = names[residual_gp.joints & ~residual_gp.replaces].tolist()
+    instead = names[residual_gp.replaces].tolist()
     parts = [f'beside links and friction at {", ".join(beside)}'] if beside else []
     parts += [f'in place of links and friction at {", ".join(instead)}'] if instead else []
     return f'Gaussian processes {" and ".join(parts)}'

@@ -82,7 +82,7 @@ class Formatted:
         """
         arm = self.exported.arm
         states = arm.ranges.random_states(count, np.random.default_rng(0))
-        whole = self.exported.remainder is None
+        whole = self.exported.residual_gp is None
         tau = model.predict(*states).tau if whole else arm.torque(*states)
         return self.form.check(self.text, arm, tau, states)
 
@@ -119,10 +119,10 @@ def formatted(name: str, exported: Exported, template: Template | None = None) -
             f'others, but those of the arm are coupled ({_listed(arm)}); export --mjcf or --c, '
             'which have the coupling.'
         )
-    if name == HEADER and exported.remainder is not None:
+    if name == HEADER and exported.residual_gp is not None:
         raise ModelError(
             f'the C header has links and friction only, but the model also has '
-            f'{exported.remainder}; fit with fit.terms: named, which leaves such processes '
+            f'{exported.residual_gp}; fit with fit.terms: named, which leaves such processes '
             'out of the fit, or export --urdf or --mjcf, which leave that out.'
         )
     if template is not None:

@@ -36,13 +36,13 @@ def require_links(model: InverseDynamicsModel, place: str) -> None:
         )
 
 
-def remainder_cautions(model: InverseDynamicsModel) -> list[str]:
+def residual_gp_cautions(model: InverseDynamicsModel) -> list[str]:
     """Return sentences on Gaussian processes of a model, which do not know the payload."""
-    if model.remainder is None:
+    if model.residual_gp is None:
         return []
-    names, instead = np.array(model.joint_names), model.remainder.replaces
+    names, instead = np.array(model.joint_names), model.residual_gp.replaces
     cautions = []
-    if beside := names[model.remainder.joints & ~instead].tolist():
+    if beside := names[model.residual_gp.joints & ~instead].tolist():
         cautions.append(
             f'The Gaussian processes beside the links at {", ".join(beside)} were learned without '
             'the payload, and correct the arm with it as they do without.'
@@ -106,8 +106,8 @@ def attached(model: InverseDynamicsModel, loaded: LoadedArm) -> InverseDynamicsM
     root[first : first + BODY] += loaded.body_root
     arm = compacted(replace(arm, covariance_root=root), model.training_range)
     noted = {**model.provenance, 'payload_mass': float(loaded.body[0])}
-    beside = None if model.remainder is None else model.remainder.beside_links()
-    return replace(model, arm=arm, remainder=beside, provenance=noted)
+    beside = None if model.residual_gp is None else model.residual_gp.beside_links()
+    return replace(model, arm=arm, residual_gp=beside, provenance=noted)
 
 
 def to_yaml(payload: Payload, sources: Sequence[str], flange: tuple[float, float]) -> str:

@@ -20,7 +20,10 @@ from lip_id_ros.identification.identify import prediction_noise, squares_of_sign
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.novelty import known_states, motion_report
 from lip_id_ros.identification.posterior import fit_of, posterior_of, SAMPLES
-from lip_id_ros.identification.remainder_election import conditioned_remainder, elect_processes
+from lip_id_ros.identification.residual_gp_selection import (
+    conditioned_residual_gp,
+    select_processes,
+)
 from lip_id_ros.identification.sample_selection import plausible
 from lip_id_ros.identification.solution import Solution
 from lip_id_ros.loading.data_settings import SECTIONS
@@ -28,7 +31,7 @@ from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.effort_calibration import effort_calibrations
 from lip_id_ros.model.proof import with_checks
-from lip_id_ros.model.remainder import Remainder
+from lip_id_ros.model.residual_gp import ResidualGP
 
 OF_HEALTH = (FINDINGS, N_NOTES, 'samples', 'rate_hz')
 """Entries of it that the cautions of a fit are about."""
@@ -41,13 +44,13 @@ def with_processes(
     described: Described | None = None,
 ) -> PlacedArm:
     """
-    Elect the joints that have a Gaussian process beside links and friction, or instead of them.
+    Select the joints that have a Gaussian process beside links and friction, or instead of them.
 
     `solution`: of the reservoirs.
     """
     excluded = dict(placed.excluded)
     fitter = _measured(placed, [each for each in surveys if each.key not in excluded], described)
-    return placed.with_remainder(elect_processes(fitter, _fit(placed, solution)))
+    return placed.with_residual_gp(select_processes(fitter, _fit(placed, solution)))
 
 
 def model_of(
@@ -60,20 +63,20 @@ def model_of(
 ) -> InverseDynamicsModel:
     """Return the model of a fleet, whose torques were linear in `around`."""
     fit = _fit(placed, solution)
-    remainder = _remainder(placed, solution, surveys, described)
+    residual_gp = _residual_gp(placed, solution, surveys, described)
     arm = posterior_of(around, solution, fitter.some(SAMPLES))
-    noise = prediction_noise(fitter.thinned(MOST_SAMPLES), fit, arm.noise, remainder)
+    noise = prediction_noise(fitter.thinned(MOST_SAMPLES), fit, arm.noise, residual_gp)
     arm = compacted(replace(arm, noise=noise), _ranges(placed, surveys))
     unexplained = solution.left_out.mean_squares
     unpredicted = unexplained + squares_of_signs(fitter.dataset, fit)
     report = _report(placed, solution, surveys) | {
         'unexplained_left_out': (unexplained / fitter.torque_std**2).tolist(),
         'unpredicted_left_out': (unpredicted / fitter.torque_std**2).tolist(),
-        'remainder': remainder.joints.tolist() if remainder else [],
+        'remainder': residual_gp.joints.tolist() if residual_gp else [],
         'noise_std': arm.noise.std.tolist(),
         **motion_report(placed.dataset),
     }
-    model = _assembled(placed, surveys, arm, remainder, report)
+    model = _assembled(placed, surveys, arm, residual_gp, report)
     return with_checks(model, placed.dataset.q, placed.dataset.tau)
 
 
@@ -106,18 +109,18 @@ def _report(placed: PlacedArm, solution: Solution, surveys: Sequence[Survey]) ->
     return report
 
 
-def _remainder(
+def _residual_gp(
     placed: PlacedArm,
     solution: Solution,
     surveys: Sequence[Survey],
     described: Described | None,
-) -> Remainder | None:
-    """Return the elected processes, conditioned on the residual of links and friction."""
-    processes = placed.remainder
+) -> ResidualGP | None:
+    """Return the selected processes, conditioned on the residual of links and friction."""
+    processes = placed.residual_gp
     if not any(processes):
         return None
     fitter = _measured(placed, surveys, described)
-    return conditioned_remainder(fitter, _fit(placed, solution), processes)
+    return conditioned_residual_gp(fitter, _fit(placed, solution), processes)
 
 
 def _measured(
@@ -149,7 +152,7 @@ def _assembled(
     placed: PlacedArm,
     surveys: Sequence[Survey],
     arm: ArmPosterior,
-    remainder: Remainder | None,
+    residual_gp: ResidualGP | None,
     report: dict[str, Any],
 ) -> InverseDynamicsModel:
     names = placed.joint_names
@@ -166,7 +169,7 @@ def _assembled(
         n_samples=int(counts.sum()),
         effort_calibrations=effort_calibrations({'sources': calibrated}, names),
         arm=arm,
-        remainder=remainder,
+        residual_gp=residual_gp,
         known_states=known_states(placed.dataset),
         summary=report,
         provenance={'sources': sources, 'n_samples_available': int(counts.sum())},

@@ -28,7 +28,7 @@ from lip_id_ros.identification.fitting import description_report, fit_report, kn
 from lip_id_ros.identification.identify import Identified, identify
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.link_torques import links_torque
-from lip_id_ros.identification.remainder_election import RemainderProcess
+from lip_id_ros.identification.residual_gp_selection import ResidualProcess
 from lip_id_ros.identification.sample_selection import plausible
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.solution import Known, Solution
@@ -128,18 +128,18 @@ class PlacedArm(Packable):
 
     @property
     def geometry(self) -> Geometry:
-        """Twists and lengths that were elected to be simple."""
+        """Twists and lengths that were selected to be simple."""
         return Geometry(self.twists, self.meets, self.rigid)
 
     @property
-    def remainder(self) -> list[RemainderProcess | None]:
+    def residual_gp(self) -> list[ResidualProcess | None]:
         """Gaussian process of every joint; None where it has none."""
         return [
-            RemainderProcess(each[0], np.array(each[1]), *each[2:]) if each else None
+            ResidualProcess(each[0], np.array(each[1]), *each[2:]) if each else None
             for each in self.processes
         ]
 
-    def with_remainder(self, processes: Sequence[RemainderProcess | None]) -> PlacedArm:
+    def with_residual_gp(self, processes: Sequence[ResidualProcess | None]) -> PlacedArm:
         """Return the arm with Gaussian processes."""
         fields = tuple(
             (each.replaces, tuple(each.lengths.tolist()), each.noise, each.left_out_std)

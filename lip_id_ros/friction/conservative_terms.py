@@ -1,4 +1,4 @@
-"""Conservative torques that are elected like friction (maths.md, section 12)."""
+"""Conservative torques that are selected like friction (maths.md, section 12)."""
 
 from __future__ import annotations
 

@@ -173,7 +173,7 @@ class SignWidth:
     """
     Slope of Coulomb friction by the logarithm of its width, as a central difference.
 
-    A direction of the posterior: the width was elected, and its deviation is that of the
+    A direction of the posterior: the width was selected, and its deviation is that of the
     coefficient, which is zero, in units of the coefficient of Coulomb friction.
     """
 

@@ -1,4 +1,4 @@
-"""Identification of arms from recordings: chain, links, friction and remainder."""
+"""Identification of arms from recordings: chain, links, friction and residual GP."""
 
 from lip_id_ros.identification.fitting import fit
 

@@ -16,11 +16,11 @@ from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_coordinates import coefficient_std
 from lip_id_ros.identification.arm_prior import ArmPrior, DescriptionSettings
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
-from lip_id_ros.identification.friction_election import (
-    elect_friction,
-    ElectedFriction,
+from lip_id_ros.identification.friction_selection import (
     EVERY_TERM,
     Offer,
+    select_friction,
+    SelectedFriction,
 )
 from lip_id_ros.identification.kinematic_calibration import (
     PlacementProblem,
@@ -136,16 +136,16 @@ class ArmFitter:
         """Return a fitter of the same samples with other couplings."""
         return ArmFitter(self.dataset, self._described, self.robots, couplings)
 
-    def elected(self, chain: Chain, offer: Offer = EVERY_TERM) -> ElectedFriction:
-        """Elect friction terms with the joints in given places."""
-        elected = elect_friction(self.dataset, chain, self.link_std, offer)
-        std = np.maximum(elected.noise.std, self.least_noise)
-        return replace(elected, noise=replace(elected.noise, std=std))
+    def selected(self, chain: Chain, offer: Offer = EVERY_TERM) -> SelectedFriction:
+        """Select friction terms with the joints in given places."""
+        selected = select_friction(self.dataset, chain, self.link_std, offer)
+        std = np.maximum(selected.noise.std, self.least_noise)
+        return replace(selected, noise=replace(selected.noise, std=std))
 
-    def best_start(self, chains: Sequence[Chain], elected: ElectedFriction) -> ArmFit:
+    def best_start(self, chains: Sequence[Chain], selected: SelectedFriction) -> ArmFit:
         """Fit to some of the samples from several starts, and return the best."""
         some, free = self.some(START_SAMPLES), self._geometry()
-        arm = elected.link_parameters, elected.friction, elected.noise
+        arm = selected.link_parameters, selected.friction, selected.noise
         starts = (start for chain in chains for start in self._starts(some, chain, *arm, free))
         fits = [self.refined(some, start, FIRST_ROUND) for start in starts]
         best = sorted(fits, key=lambda fit: fit.score)[:KEPT]
@@ -153,11 +153,11 @@ class ArmFitter:
             (self.refined(some, fit, LAST_ROUNDS) for fit in best), key=lambda fit: fit.score
         )
 
-    def with_friction(self, fit: ArmFit, elected: ElectedFriction) -> ArmFit:
-        """Return a start with friction terms and noise that have been elected anew."""
-        changed = replace(fit, friction=elected.friction, noise=elected.noise)
+    def with_friction(self, fit: ArmFit, selected: SelectedFriction) -> ArmFit:
+        """Return a start with friction terms and noise that have been selected anew."""
+        changed = replace(fit, friction=selected.friction, noise=selected.noise)
         problem = self.problem(self.some(START_SAMPLES), changed)
-        numbers = problem.friction_numbers(elected.friction.coefficients)
+        numbers = problem.friction_numbers(selected.friction.coefficients)
         return replace(changed, state=replace(fit.state, friction=numbers))
 
     def with_geometry(self, fit: ArmFit, geometry: Geometry) -> ArmFit:

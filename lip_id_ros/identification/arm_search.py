@@ -18,7 +18,7 @@ from lip_id_ros.friction.model import plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFitter, SEARCH_SAMPLES, START_SAMPLES
 from lip_id_ros.identification.friction_candidates import named_candidates, rise_time
-from lip_id_ros.identification.friction_election import Offer
+from lip_id_ros.identification.friction_selection import Offer
 from lip_id_ros.identification.kinematic_calibration import (
     Placements,
     placements_residual,
@@ -154,8 +154,8 @@ def find_placements(
 
 
 def log_left_out(fitter: ArmFitter, found: Calibration) -> float:
-    """Return the mean logarithm of the joints' left-out residuals, with elected friction."""
+    """Return the mean logarithm of the joints' left-out residuals, with selected friction."""
     # curves over the position and springs with a lever would make up for wrong placements
     offer = Offer(named_candidates, levers=False)
-    elected = fitter.elected(found.placements.chain, offer)
-    return float(np.log(elected.noise.std).mean())
+    selected = fitter.selected(found.placements.chain, offer)
+    return float(np.log(selected.noise.std).mean())

@@ -99,7 +99,7 @@ def _fitted(
         report = fit_report(found, settings)
         if described is not None:
             report['description'] = description_report(found, described[0])
-        return {'arm': found.arm, 'remainder': found.remainder}, report
+        return {'arm': found.arm, 'residual_gp': found.residual_gp}, report
     kernel = WITHOUT_LINKS if settings.kernel == ARTICULATED else settings.kernel
     fitted = fit_process(dataset, settings, kernel, progress)
     return {'process': fitted.posterior}, fitted.report
@@ -113,7 +113,7 @@ def _ignored(settings: FitSettings, names: tuple[str, ...]) -> list[str]:
 
 def fit_report(found: Identified, settings: FitSettings) -> dict[str, Any]:
     """Return the JSON-able summary of an arm that was identified."""
-    joints = found.remainder.joints.tolist() if found.remainder else []
+    joints = found.residual_gp.joints.tolist() if found.residual_gp else []
     return {
         'searches_agreed': found.searches_agreed,
         'descents': found.descents,
@@ -183,7 +183,7 @@ def description_report(found: Identified, description: RobotDescription) -> dict
 
 
 def _twists(found: Identified) -> list[float | None]:
-    """Return the twists that were elected to be quarter turns, None where free [degrees]."""
+    """Return the twists that were selected to be quarter turns, None where free [degrees]."""
     twists = np.degrees(found.geometry.twists)
     return [None if np.isnan(twist) else round(float(twist)) for twist in twists]
 

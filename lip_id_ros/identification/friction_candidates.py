@@ -78,7 +78,7 @@ of the joints that are not exact, the torques of neighbours explain a little eve
 @dataclass(frozen=True)
 class Candidate:
     """
-    Terms that are elected together where they predict left-out blocks better by `least_gain`.
+    Terms that are selected together where they predict left-out blocks better by `least_gain`.
 
     Errors are standard errors over the blocks.
     """

@@ -1,7 +1,7 @@
 """
 Shapes of friction that torques are not linear in.
 
-Widths of signs, harmonics of a ripple. Widths are elected on grids by left-out blocks, harmonics
+Widths of signs, harmonics of a ripple. Widths are selected on grids by left-out blocks, harmonics
 by a periodogram.
 """
 
@@ -98,7 +98,7 @@ of the first ones would be paid for by other terms, and by errors that no deviat
 
 
 class SignWidths:
-    """The election of widths, for velocities (N, n). The parameters of the links come first."""
+    """The selection of widths, for velocities (N, n). The parameters of the links come first."""
 
     def __init__(self, gather: Gather, dq: Array, n_links: int) -> None:
         self._gather, self._n_links = gather, n_links
@@ -107,7 +107,7 @@ class SignWidths:
         self._tried = np.outer(SIGN_WIDTHS, self._speed)
 
     def beside(self, chosen: Sequence[Candidate], load: Array) -> Array:
-        """Elect the width of every joint's smooth sign beside some terms, (n,) [rad/s or m/s]."""
+        """Select the width of every joint's smooth sign beside some terms, (n,) [rad/s or m/s]."""
         tried = self._tried
         scores = self._scores(tried, chosen, load)
         for step in FINER_STEPS:

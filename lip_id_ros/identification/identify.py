@@ -21,13 +21,13 @@ from lip_id_ros.identification.disturbances import (
     without_disturbances,
 )
 from lip_id_ros.identification.friction_candidates import named_candidates
-from lip_id_ros.identification.friction_election import EVERY_TERM, Offer
-from lip_id_ros.identification.geometry_election import elect_geometry
+from lip_id_ros.identification.friction_selection import EVERY_TERM, Offer
+from lip_id_ros.identification.geometry_selection import select_geometry
 from lip_id_ros.identification.lever_steps import with_lever_steps
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.placement_search import Calibration
 from lip_id_ros.identification.posterior import known_of, posterior, table_deviations
-from lip_id_ros.identification.remainder_election import elect_remainder
+from lip_id_ros.identification.residual_gp_selection import select_residual_gp
 from lip_id_ros.identification.sample_selection import (
     evenly,
     explained,
@@ -40,8 +40,8 @@ from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.solution import Solution
 from lip_id_ros.identification.suspicions import suspicions
 from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.model.remainder import Remainder
-from lip_id_ros.model.remainder_mean import RemainderMean
+from lip_id_ros.model.residual_gp import ResidualGP
+from lip_id_ros.model.residual_gp_mean import ResidualGPMean
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.rigid_body.chain import NO_COUPLINGS
 from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg
@@ -71,8 +71,8 @@ class Identified:
     fit: ArmFit  # that the posterior is about, with the noise of its samples
     solution: Solution  # of all samples, by recordings
     recordings: IntArray  # (R,), numbers of those with samples that count
-    remainder: Remainder | None  # beside torques of some joints, or in their place
-    kinematics_std: DenavitHartenberg  # as if no geometry had been elected
+    residual_gp: ResidualGP | None  # beside torques of some joints, or in their place
+    kinematics_std: DenavitHartenberg  # as if no geometry had been selected
     geometry: Geometry
     searches_agreed: bool  # both ended in the same minimum
     descents: int  # of both searches
@@ -87,8 +87,8 @@ class Identified:
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the torques at joint states of shape (N, n), same shape [N m or N]."""
         tau = self.arm.torque(q, dq, ddq)
-        if self.remainder is not None:
-            RemainderMean(self.remainder).add_to(tau, q, dq, ddq)
+        if self.residual_gp is not None:
+            ResidualGPMean(self.residual_gp).add_to(tau, q, dq, ddq)
         return tau
 
 
@@ -119,18 +119,18 @@ def identify(
 
 
 def prediction_noise(
-    fitter: ArmFitter, fit: ArmFit, noise: TorqueNoise, remainder: Remainder | None
+    fitter: ArmFitter, fit: ArmFit, noise: TorqueNoise, residual_gp: ResidualGP | None
 ) -> TorqueNoise:
     """
     Return the noise of predictions from that of links and friction.
 
-    A remainder leaves its own residuals, and a joint that sticks has any friction.
+    A residual GP leaves its own residuals, and a joint that sticks has any friction.
     """
     signs = squares_of_signs(fitter.dataset, fit)
     noise = _of_single_states(fitter.dataset, fit, noise)
-    if remainder is not None:
-        own = np.sqrt(remainder.left_out_std**2 + np.where(remainder.replaces, 0.0, signs))
-        noise = replace(noise, std=np.where(remainder.joints, own, noise.std))
+    if residual_gp is not None:
+        own = np.sqrt(residual_gp.left_out_std**2 + np.where(residual_gp.replaces, 0.0, signs))
+        noise = replace(noise, std=np.where(residual_gp.joints, own, noise.std))
     some = fitter.some(MOST_SAMPLES)
     load = links_torque(fit.chain, fit.links, some)
     return sticking_noise(noise, fit.friction, some.q, some.ddq, load)
@@ -181,8 +181,8 @@ def _identified(
     fitter, agree = search.fitter, halves_agree(search, calibration)
     fit = _fitted(fitter, calibration, OFFERS[terms], progress)
     fit, arm, solution, total = posterior(fitter, fit)
-    remainder = elect_remainder(fitter, fit) if terms == PROCESSES else None
-    arm = replace(arm, noise=prediction_noise(fitter, fit, arm.noise, remainder))
+    residual_gp = select_residual_gp(fitter, fit) if terms == PROCESSES else None
+    arm = replace(arm, noise=prediction_noise(fitter, fit, arm.noise, residual_gp))
     kinematics_std = table_deviations(total, solution, known_of(fitter, fit))
     progress(STAGE, STEPS, STEPS)
     unexplained = solution.left_out.mean_squares
@@ -191,7 +191,7 @@ def _identified(
         fit=fit,
         solution=solution,
         recordings=np.unique(fitter.dataset.recording),
-        remainder=remainder,
+        residual_gp=residual_gp,
         geometry=fit.geometry,
         searches_agreed=calibration.agreed,
         descents=calibration.descents,
@@ -240,14 +240,14 @@ def _without_outliers(
 def _fitted(
     fitter: ArmFitter, calibration: Calibration, offer: Offer, progress: Progress
 ) -> ArmFit:
-    """Elect friction and geometry, and fit placements, links and friction together."""
+    """Select friction and geometry, and fit placements, links and friction together."""
     progress(STAGE, 0, STEPS)
-    elected = fitter.elected(calibration.placements.chain, offer)
+    selected = fitter.selected(calibration.placements.chain, offer)
     progress(STAGE, 1, STEPS)
-    fit = fitter.best_start([each.chain for each in calibration.candidates], elected)
+    fit = fitter.best_start([each.chain for each in calibration.candidates], selected)
     progress(STAGE, 2, STEPS)
     # Loads and placements are better known by now.
-    fit = fitter.with_friction(fit, fitter.elected(fit.chain, offer))
+    fit = fitter.with_friction(fit, fitter.selected(fit.chain, offer))
     fit = with_lever_steps(fitter, fitter.refined(fitter.some(MOST_SAMPLES), fit))
     progress(STAGE, 3, STEPS)
-    return fit if fitter.is_described else elect_geometry(fitter, fit)
+    return fit if fitter.is_described else select_geometry(fitter, fit)

@@ -90,7 +90,7 @@ class LeftOutBlocks:
     """
     Fits with any selection of parameters, to all samples and without parts of them.
 
-    Normal equations are enough here: the prior bounds their condition, and what is elected is
+    Normal equations are enough here: the prior bounds their condition, and what is selected is
     fitted again. Blocks, at least 2, are of contiguous stretches of nearly equal size;
     `prior_std`, shape (P,), is around zero, `lower` minus infinity or zero, and `torque_std`,
     shape (n,), of the torques [N m or N].

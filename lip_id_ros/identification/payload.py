@@ -20,7 +20,7 @@ from lip_id_ros.identification.payload_problem import (
 from lip_id_ros.identification.statistics import contiguous_blocks
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.model.remainder_mean import RemainderMean
+from lip_id_ros.model.residual_gp_mean import ResidualGPMean
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 
 ROUNDS, EVALUATIONS, TOLERANCE = 3, 100, 1e-6
@@ -105,9 +105,9 @@ def identify_payload(model: InverseDynamicsModel, dataset: Dataset) -> LoadedArm
     dataset = dataset.select(rows.astype(np.intp))
     q, dq, ddq = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
     tau = dataset.tau
-    beside = None if model.remainder is None else model.remainder.beside_links()
+    beside = None if model.residual_gp is None else model.residual_gp.beside_links()
     if beside is not None:
-        tau = tau - RemainderMean(beside).torque(q, dq, ddq)
+        tau = tau - ResidualGPMean(beside).torque(q, dq, ddq)
     least = LEAST_STD * np.maximum(tau.std(axis=0), np.finfo(float).tiny)
     bare = _bare(arm, model.training_range, least)
     std = np.maximum(arm.noise.std, least) / np.sqrt(arm.noise.weights(dataset.dq))

@@ -185,7 +185,7 @@ def widening(count: int) -> float:
 
 def table_deviations(total: Total, solution: Solution, known: Known) -> DenavitHartenberg:
     """
-    Return the larger of deviations by the posterior and by the jackknife, without elections.
+    Return the larger of deviations by the posterior and by the jackknife, without selections.
 
     A length that was set to zero because no torque speaks against it is not known to be zero.
     """

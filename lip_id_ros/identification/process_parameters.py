@@ -13,7 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
 from lip_id_ros.arrays import Array, IndexArray
-from lip_id_ros.model.remainder import correlation, near_and_beyond
+from lip_id_ros.model.residual_gp import correlation, near_and_beyond
 
 TYPICAL = 1.5
 """Prior median of a length scale, in roots of the number of inputs, which have unit variance."""

@@ -1,7 +1,7 @@
 """
 Posterior mean of an arm at joint states, compiled.
 
-Links, friction and remainder. All numbers of a query are in one array: each costs a call from
+Links, friction and residual GP. All numbers of a query are in one array: each costs a call from
 Python a quarter of a microsecond.
 """
 
@@ -12,8 +12,8 @@ import numpy as np
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.friction.compiled import add_friction, CompiledFriction
 from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.model.remainder import Remainder
-from lip_id_ros.model.remainder_mean import add_means, RemainderMean
+from lip_id_ros.model.residual_gp import ResidualGP
+from lip_id_ros.model.residual_gp_mean import add_means, ResidualGPMean
 from lip_id_ros.model.threads import in_threads
 from lip_id_ros.model.torque_model import Parts
 from lip_id_ros.numba_jit import jit
@@ -35,7 +35,7 @@ class ArmMean:
     `one` is hot: no checks, nothing allocated but the result; not for several threads at once.
     """
 
-    def __init__(self, arm: ArmPosterior, remainder: Remainder | None) -> None:
+    def __init__(self, arm: ArmPosterior, residual_gp: ResidualGP | None) -> None:
         self._n = n = len(arm.links)
         floats, self._integers = pack(arm, CompiledFriction.of(arm.friction))
         self._floats = floats
@@ -43,17 +43,17 @@ class ArmMean:
         self._memory = np.concatenate([np.zeros(3 * n + out + n * WORK_VECTORS * 3), floats])
         self._q, self._dq, self._ddq = self._memory[: 3 * n].reshape(3, n)
         self._out = self._memory[3 * n : 3 * n + out]
-        self._remainder = None if remainder is None else RemainderMean(remainder)
+        self._residual_gp = None if residual_gp is None else ResidualGPMean(residual_gp)
 
     def one(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, float, float]:
         """Return torques, gravity torques, T and V at one joint state."""
         n = self._n
         # Copied, since numba would compile anew for arrays that are read-only or not contiguous.
         self._q[:], self._dq[:], self._ddq[:] = q, dq, ddq
-        if self._remainder is None:
+        if self._residual_gp is None:
             evaluate_in_memory(self._memory, self._integers)
         else:
-            rest = self._remainder
+            rest = self._residual_gp
             evaluate_all_in_memory(self._memory, self._integers, rest.floats, rest.integers)
         out = self._out.copy()
         energies = out[4 * n :].tolist()
@@ -72,14 +72,14 @@ class ArmMean:
             out[:, k * n : (k + 1) * n] for k in range(5)
         )
         parts = Parts(tau, inertial, coriolis, gravity, friction, out[:, -2], out[:, -1])
-        if self._remainder is not None:
-            _add_remainder(parts, self._remainder, (q, dq, ddq))
+        if self._residual_gp is not None:
+            _add_residual_gp(parts, self._residual_gp, (q, dq, ddq))
         return parts
 
 
-def _add_remainder(parts: Parts, remainder: RemainderMean, states: States) -> None:
+def _add_residual_gp(parts: Parts, residual_gp: ResidualGPMean, states: States) -> None:
     parts.friction[:] -= parts.tau
-    remainder.add_to(parts.tau, *states)
+    residual_gp.add_to(parts.tau, *states)
     parts.friction[:] += parts.tau
 
 
@@ -169,15 +169,15 @@ def evaluate_in_memory(memory: Array, integers: IntArray) -> None:
 
 @jit
 def evaluate_all_in_memory(
-    memory: Array, integers: IntArray, remainder: Array, remainder_integers: IntArray
+    memory: Array, integers: IntArray, residual_gp: Array, residual_gp_integers: IntArray
 ) -> None:
-    """Evaluate an arm and its remainder as `evaluate_in_memory` and `add_means` do."""
+    """Evaluate an arm and its residual GP as `evaluate_in_memory` and `add_means` do."""
     evaluate_in_memory(memory, integers)
     n = integers[0]
     q, dq = memory[:n].reshape(1, n), memory[n : 2 * n].reshape(1, n)
     ddq = memory[2 * n : 3 * n].reshape(1, n)
     tau = memory[3 * n : 4 * n].reshape(1, n)
-    add_means(tau, q, dq, ddq, remainder, remainder_integers)
+    add_means(tau, q, dq, ddq, residual_gp, residual_gp_integers)
 
 
 @jit

@@ -31,7 +31,7 @@ class ForwardDynamics:
 
     @classmethod
     def fitted(cls, arm: ArmPosterior) -> ForwardDynamics:
-        """Return links and friction of a model; a remainder is left out."""
+        """Return links and friction of a model; a residual_gp is left out."""
         return cls(arm.chain, arm.links, arm.friction)
 
     @cached_property

@@ -32,8 +32,8 @@ from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.effort_calibration import EffortCalibration
 from lip_id_ros.model.known_states import KnownStates
 from lip_id_ros.model.process_mean import ProcessMean
-from lip_id_ros.model.remainder import Remainder
-from lip_id_ros.model.remainder_deviation import RemainderDeviation
+from lip_id_ros.model.residual_gp import ResidualGP
+from lip_id_ros.model.residual_gp_deviation import ResidualGPDeviation
 from lip_id_ros.model.running_memory import RunningMemory
 from lip_id_ros.model.torque_model import Parts, Prediction, Query, StandardDeviation
 
@@ -49,7 +49,7 @@ class InverseDynamicsModel:
     """
     Torques and energies of an arm, with their uncertainty.
 
-    Either an arm, whose torques may have a remainder, or a Gaussian process on energies.
+    Either an arm, whose torques may have a residual_gp, or a Gaussian process on energies.
     `query` and `predict` use working memory of the object: give each thread a copy of its own.
 
     Attributes
@@ -70,7 +70,7 @@ class InverseDynamicsModel:
         One for each recording of the training data.
     arm : ArmPosterior or None
         Chain, links and friction.
-    remainder : Remainder or None
+    residual_gp : ResidualGP or None
         Gaussian processes of torques that the arm does not explain.
     process : TorquePosterior or None
         Gaussian processes on energies, friction and residual, in place of an arm.
@@ -91,7 +91,7 @@ class InverseDynamicsModel:
     n_samples: int
     effort_calibrations: tuple[EffortCalibration, ...]
     arm: ArmPosterior | None = None
-    remainder: Remainder | None = None
+    residual_gp: ResidualGP | None = None
     process: TorquePosterior | None = None
     known_states: KnownStates | None = None
     summary: Mapping[str, Any] = field(default_factory=dict)
@@ -354,7 +354,7 @@ class InverseDynamicsModel:
         """Return the arrays and the header of the model's file."""
         low, high = self.training_range
         arrays: Arrays = {'training_low': low, 'training_high': high}
-        entries = serialization.put_parts(self.arm, self.remainder, self.process, arrays)
+        entries = serialization.put_parts(self.arm, self.residual_gp, self.process, arrays)
         serialization.put_known_states(self.known_states, arrays)
         return arrays, {
             'joint_names': list(self.joint_names),
@@ -401,16 +401,16 @@ class InverseDynamicsModel:
     def _mean(self) -> ArmMean | ProcessMean:
         if self.process is not None:
             return ProcessMean(self.process)
-        return ArmMean(self._known_arm, self.remainder)
+        return ArmMean(self._known_arm, self.residual_gp)
 
     @cached_property
     def _arm_deviation(self) -> ArmDeviation:
         return ArmDeviation(self._known_arm)
 
     @cached_property
-    def _remainder_deviation(self) -> RemainderDeviation:
-        assert self.remainder is not None, 'only a remainder has deviations of its own'
-        return RemainderDeviation(self.remainder)
+    def _residual_gp_deviation(self) -> ResidualGPDeviation:
+        assert self.residual_gp is not None, 'only a residual GP has deviations of its own'
+        return ResidualGPDeviation(self.residual_gp)
 
     @cached_property
     def _potential_offset(self) -> float:
@@ -423,8 +423,8 @@ class InverseDynamicsModel:
         if self.process is not None:
             return np.sqrt(self.process.variances(q, dq, ddq, self.potential_reference)[0])
         std = self._arm_deviation.torque_std(q, dq, ddq)
-        if self.remainder is not None:
-            self._remainder_deviation.add_to(std, q, dq, ddq)
+        if self.residual_gp is not None:
+            self._residual_gp_deviation.add_to(std, q, dq, ddq)
         if self._memory is not None:
             steps = self._steps((q, dq, ddq), t)
             share = unknown_share(Steps.unknown(q.shape) if steps is None else steps)

@@ -136,5 +136,5 @@ def _left_out_squares(model: InverseDynamicsModel, variance: Array) -> Array:
     if shares is None:
         return np.zeros(len(variance))
     # the noise of a joint with a Gaussian process is its error on left-out blocks
-    has_process = model.remainder.joints if model.remainder else np.zeros(len(variance), bool)
+    has_process = model.residual_gp.joints if model.residual_gp else np.zeros(len(variance), bool)
     return np.where(has_process, 0.0, np.asarray(shares) * variance)

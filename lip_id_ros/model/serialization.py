@@ -30,7 +30,7 @@ from lip_id_ros.kernels.program import unit_weights, with_potential_after
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.effort_calibration import EffortCalibration
 from lip_id_ros.model.known_states import KnownStates
-from lip_id_ros.model.remainder import Inputs, Remainder
+from lip_id_ros.model.residual_gp import Inputs, ResidualGP
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.chain import NO_COUPLINGS, ROTOR
 from lip_id_ros.rigid_body.couplings import contradiction as contradiction_of
@@ -38,7 +38,7 @@ from lip_id_ros.rigid_body.couplings import couplings_of, rows_of
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
-REMAINDER = ('x', 'lengths', 'noise', 'variance', 'left_out_std', 'alpha', 'friction')
+RESIDUAL_GP = ('x', 'lengths', 'noise', 'variance', 'left_out_std', 'alpha', 'friction')
 CONTRADICTIONS = (AttributeError, IndexError, KeyError, TypeError, ValueError, LipIdError)
 NOISE = ('std', 'ratio', 'velocity', 'stuck', 'width')
 KNOWN_STATES = ('known_states', 'known_scale', 'known_left_out')
@@ -205,18 +205,18 @@ def _require_possible(arrays: Arrays, coordinates: IndexArray) -> None:
     require(len(np.unique(coordinates)) == coordinates.size, 'arm_coordinates, which come twice')
 
 
-def put_remainder(remainder: Remainder, arrays: Arrays) -> dict[str, Any]:
-    """Add the arrays of a remainder; return its entry in the header."""
-    arrays |= {f'remainder_{name}': getattr(remainder, name) for name in REMAINDER}
-    arrays |= {f'remainder_{name}': getattr(remainder.inputs, name) for name in INPUTS}
-    arrays['remainder_x'] = remainder.x.astype(np.float16)
-    arrays['remainder_alpha'] = remainder.alpha.astype(np.float32)
-    return {'replaces': remainder.replaces.tolist()}
+def put_residual_gp(residual_gp: ResidualGP, arrays: Arrays) -> dict[str, Any]:
+    """Add the arrays of a residual GP; return its entry in the header."""
+    arrays |= {f'remainder_{name}': getattr(residual_gp, name) for name in RESIDUAL_GP}
+    arrays |= {f'remainder_{name}': getattr(residual_gp.inputs, name) for name in INPUTS}
+    arrays['remainder_x'] = residual_gp.x.astype(np.float16)
+    arrays['remainder_alpha'] = residual_gp.alpha.astype(np.float32)
+    return {'replaces': residual_gp.replaces.tolist()}
 
 
-def remainder_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> Remainder:
+def residual_gp_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str]) -> ResidualGP:
     """
-    Return a remainder.
+    Return a residual GP.
 
     KeyError, TypeError, ValueError, LipIdError if its parts contradict each other.
     """
@@ -238,8 +238,8 @@ def remainder_from(arrays: Arrays, entry: Mapping[str, Any], types: Sequence[str
     if replaces.shape != (n,):
         raise ShapeError(f'replaces of shape {replaces.shape} for {n} joints')
     inputs = Inputs(revolute, *(arrays[f'remainder_{name}'] for name in INPUTS))
-    own = {name: arrays[f'remainder_{name}'].astype(np.float64) for name in REMAINDER}
-    return Remainder(inputs=inputs, replaces=replaces, **own)
+    own = {name: arrays[f'remainder_{name}'].astype(np.float64) for name in RESIDUAL_GP}
+    return ResidualGP(inputs=inputs, replaces=replaces, **own)
 
 
 def put_known_states(known: KnownStates | None, arrays: Arrays) -> None:
@@ -334,14 +334,14 @@ def _energy_kernel(entry: Mapping[str, Any], n_joints: int) -> EnergyKernel:
 
 def put_parts(
     arm: ArmPosterior | None,
-    remainder: Remainder | None,
+    residual_gp: ResidualGP | None,
     process: TorquePosterior | None,
     arrays: Arrays,
 ) -> dict[str, Any]:
     """Add the arrays of what a model is made of; return their entries in the header."""
     return {
         'arm': None if arm is None else put_arm(arm, arrays),
-        'remainder': None if remainder is None else put_remainder(remainder, arrays),
+        'remainder': None if residual_gp is None else put_residual_gp(residual_gp, arrays),
         'process': None if process is None else put_process(process, arrays),
     }
 
@@ -358,8 +358,9 @@ def parts_from(arrays: Arrays, header: Mapping[str, Any], types: Sequence[str]) 
 
     Errors as from `arm_from`.
     """
-    readers = {'arm': arm_from, 'remainder': remainder_from, 'process': process_from}
+    readers = {'arm': arm_from, 'remainder': residual_gp_from, 'process': process_from}
     names = [name for name in readers if header[name] is not None]
     if names not in (['arm'], ['arm', 'remainder'], ['process']):
         raise ValueError(f'parts {names}, neither an arm nor a process')
-    return {name: readers[name](arrays, header[name], types) for name in names}
+    fields = {'remainder': 'residual_gp'}
+    return {fields.get(name, name): readers[name](arrays, header[name], types) for name in names}

@@ -10,7 +10,7 @@ from lip_id_ros.export.payload import (
     attached,
     mass_cautions,
     payload_in_flange,
-    remainder_cautions,
+    residual_gp_cautions,
 )
 from lip_id_ros.identification.payload import identify_payload, Payload
 from lip_id_ros.model import InverseDynamicsModel
@@ -40,7 +40,7 @@ def find_payload(
     cautions = [
         *data_remarks(data.provenance),
         *mass_cautions(shown),
-        *remainder_cautions(model),
+        *residual_gp_cautions(model),
         *evaluation_cautions(evaluate(loaded, data)),
     ]
     return FoundPayload(shown, loaded, cautions)

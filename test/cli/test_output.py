@@ -288,7 +288,7 @@ def test_noise_decides_what_is_identified(noise: float, identified: bool) -> Non
 
 
 @pytest.mark.slow
-def test_an_elected_length_keeps_its_deviation() -> None:
+def test_a_selected_length_keeps_its_deviation() -> None:
     arm = TwoLinks(length=0.0)
     motion = random_motion(arm, 200, seed=4)
     tau = arm.torque(*motion)

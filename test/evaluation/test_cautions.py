@@ -34,7 +34,7 @@ NAMES = ('shoulder', 'elbow', 'wrist')
 
 
 def test_coupled_positions_are_said() -> None:
-    model = random_model(ARTICULATED, types=(R, R, R), remainder=False)
+    model = random_model(ARTICULATED, types=(R, R, R), residual_gp=False)
     (text,) = [each for each in fit_cautions(model) if 'coupled' in each]
     assert text.startswith('Reported positions are coupled (joint_3 -0.7 joint_2): such a joint')
     assert not [each for each in fit_cautions(random_model('lip')) if 'coupled' in each]

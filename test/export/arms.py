@@ -28,7 +28,7 @@ from lip_id_ros.friction.terms import (
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.effort_calibration import EffortCalibration
-from lip_id_ros.model.remainder import Inputs, Remainder
+from lip_id_ros.model.residual_gp import Inputs, ResidualGP
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.couplings import Coupling, rows_of
 from lip_id_ros.simulation.arm import panda_urdf
@@ -136,13 +136,13 @@ def model_of(arm: ArmDescription) -> InverseDynamicsModel:
     )
 
 
-def remainder_of(arm: ArmDescription) -> Remainder:
+def residual_gp_of(arm: ArmDescription) -> ResidualGP:
     """Return a process beside the first joint's links, and one in place of the second's."""
     n, rng = arm.n_joints, np.random.default_rng(0)
     states = rng.standard_normal((3, 5, n))
     inputs = Inputs.of(~arm.chain.prismatic, *states)
     has = np.arange(n) < 2
-    return Remainder(
+    return ResidualGP(
         inputs=inputs,
         x=inputs(*states),
         lengths=np.where(has, 4.0, 0.0)[:, None] * np.ones_like(inputs.scale),

@@ -6,7 +6,7 @@ from dataclasses import replace
 import json
 from pathlib import Path
 
-from export.arms import model_of, random_arm, remainder_of
+from export.arms import model_of, random_arm, residual_gp_of
 from identification.test_payload import body, NOISE, recorded
 from model.models import torque_of_processes
 import numpy as np
@@ -205,25 +205,26 @@ def test_processes_of_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     """Those beside links stay; where they stand instead of links, the links bear the payload."""
     motion().save(tmp_path / 'run.npz')
     files = [str(tmp_path / 'arm.npz'), str(tmp_path / 'run.npz')]
-    remainder = remainder_of(arm())  # beside the links of the first joint, instead at the second
-    model = replace(model_of(arm()), remainder=remainder)
+    # beside the links of the first joint, instead at the second
+    residual_gp = residual_gp_of(arm())
+    model = replace(model_of(arm()), residual_gp=residual_gp)
     model.save(files[0])
     assert main(['payload', *files, '-o', str(tmp_path / 'loaded.npz')]) == 0
     said = ' '.join(capsys.readouterr().out.split())
     assert 'beside the links at joint_1 were learned without the payload' in said
     assert 'in place of the links at joint_2 would not bear the payload' in said
     loaded = InverseDynamicsModel.load(tmp_path / 'loaded.npz')
-    assert loaded.remainder is not None
+    assert loaded.residual_gp is not None
     assert loaded.arm is not None
-    assert loaded.remainder.joints.tolist() == [True, *[False] * 5]
-    assert not loaded.remainder.replaces.any()
+    assert loaded.residual_gp.joints.tolist() == [True, *[False] * 5]
+    assert not loaded.residual_gp.replaces.any()
     q, dq, ddq = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 10, N))
     links = loaded.arm.torque(q, dq, ddq)
     found = loaded.predict(q, dq, ddq).tau - links
-    expected = np.where(np.arange(N) == 0, torque_of_processes(remainder, q, dq, ddq), 0.0)
+    expected = np.where(np.arange(N) == 0, torque_of_processes(residual_gp, q, dq, ddq), 0.0)
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
-    only = replace(remainder, replaces=remainder.joints)
-    assert attached(replace(model, remainder=only), known()).remainder is None
+    only = replace(residual_gp, replaces=residual_gp.joints)
+    assert attached(replace(model, residual_gp=only), known()).residual_gp is None
 
 
 @pytest.mark.slow

@@ -29,9 +29,9 @@ SAMPLES = 200
 
 
 def fitted(data: Dataset, description: RobotDescription) -> InverseDynamicsModel:
-    """Fit links and friction near a URDF, which saves the search; no format has a remainder."""
+    """Fit links and friction near a URDF, which saves the search; no format has a residual GP."""
     fitter = ArmFitter(data, (description, DescriptionSettings()))
-    start = fitter.best_start([description.chain], fitter.elected(description.chain))
+    start = fitter.best_start([description.chain], fitter.selected(description.chain))
     states = np.stack([data.q, data.dq, data.ddq])
     return InverseDynamicsModel(
         joint_names=data.joint_names,

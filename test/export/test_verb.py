@@ -8,7 +8,7 @@ import shutil
 import subprocess
 
 from evaluation.models import small_model
-from export.arms import model_of, random_arm, remainder_of
+from export.arms import model_of, random_arm, residual_gp_of
 import numpy as np
 import pytest
 from simulation.panda_runs import runs
@@ -154,11 +154,11 @@ def test_files_say_what_they_stand_for(tmp_path: Path, monkeypatch: pytest.Monke
     assert 'A model with a Gaussian process is not written as C.' in scaled_text
 
 
-def test_a_remainder_is_left_out_of_urdf_and_refused_in_c(
+def test_a_residual_gp_is_left_out_of_urdf_and_refused_in_c(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, arm = tmp_path / 'arm.npz', random_arm('RRR')
-    replace(model_of(arm), remainder=remainder_of(arm)).save(path)
+    replace(model_of(arm), residual_gp=residual_gp_of(arm)).save(path)
     assert main(['export', str(path), '--urdf', str(tmp_path / 'a.urdf'), '--check']) == 0
     shown = ' '.join(capsys.readouterr().out.split())
     assert 'Left out: ' in shown

@@ -156,7 +156,7 @@ def link_error(model: InverseDynamicsModel, data: Dataset) -> float:
 
 
 def test_links_that_explain_all_but_friction_have_no_process_beside_them(fleet: Fleet) -> None:
-    assert fleet.result.model.remainder is None
+    assert fleet.result.model.residual_gp is None
 
 
 def test_deviations_cover_a_robot_that_was_not_seen(fleet: Fleet) -> None:

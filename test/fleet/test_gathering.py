@@ -19,7 +19,7 @@ from lip_id_ros.fleet.placements import PlacedArm, SIGNALS
 from lip_id_ros.fleet.results import Survey
 from lip_id_ros.fleet.survey import survey_of
 from lip_id_ros.identification.linearisation import Linearisation
-from lip_id_ros.identification.remainder_election import RemainderProcess
+from lip_id_ros.identification.residual_gp_selection import ResidualProcess
 from lip_id_ros.identification.sample_selection import measured
 from lip_id_ros.identification.total import gather, RecordingFactors, unpacked
 
@@ -167,9 +167,9 @@ def placed() -> PlacedArm:
 
 
 def test_processes_are_kept() -> None:
-    process = RemainderProcess(True, np.array([0.3, 2.0]), 0.1, 0.25)
-    kept = placed().with_remainder([None, process])
-    first, second = PlacedArm.from_bytes(kept.to_bytes()).remainder
+    process = ResidualProcess(True, np.array([0.3, 2.0]), 0.1, 0.25)
+    kept = placed().with_residual_gp([None, process])
+    first, second = PlacedArm.from_bytes(kept.to_bytes()).residual_gp
     assert first is None
     assert second is not None
     assert (second.replaces, second.noise, second.left_out_std) == (True, 0.1, 0.25)

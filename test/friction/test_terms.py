@@ -410,7 +410,7 @@ def test_has_a_row_in_the_maths(term: FrictionTerm) -> None:
     assert term.name in [name.strip() for row in rows for name in row.split(',')]
 
 
-def test_the_election_is_offered_every_term() -> None:
+def test_the_selection_is_offered_every_term() -> None:
     q = np.linspace(-4.0, 4.0, 50)[:, None] * np.ones(2)
     dataset = Dataset.from_arrays(q, q, q, q)
     widths = np.array([0.1, 0.1])

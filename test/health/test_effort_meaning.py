@@ -22,7 +22,7 @@ REMEDIES = {
 
 @pytest.mark.parametrize('fault', [each for each in FAULTS if each is not nothing])
 def test_diagnosed_with_the_remedy(fault: Fault) -> None:
-    """`python -m benchmarks elections` counts more seeds."""
+    """`python -m benchmarks selections` counts more seeds."""
     (finding,) = diagnose_effort(faulty(fault, 0))
     assert (finding.code,) == FAULTS[fault]
     assert REMEDIES[finding.code] in finding.text

@@ -21,7 +21,7 @@ from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.identification.identify import identify
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.posterior import around_fit, known_of, posterior, table_deviations
-from lip_id_ros.identification.remainder_election import linearised
+from lip_id_ros.identification.residual_gp_selection import linearised
 from lip_id_ros.identification.sample_selection import covering
 from lip_id_ros.identification.solution import system_of
 from lip_id_ros.identification.total import FrictionDeviations, gather, Total
@@ -57,7 +57,7 @@ def recorded() -> tuple[ChainArm, Dataset]:
 
 def started(fitter: ArmFitter) -> ArmFit:
     placed = ArmSearch(fitter).calibrated(0, silent).placements.chain
-    return fitter.best_start([placed], fitter.elected(placed))
+    return fitter.best_start([placed], fitter.selected(placed))
 
 
 @cache
@@ -65,8 +65,8 @@ def fitted() -> tuple[ArmFitter, ArmFit]:
     _, dataset = recorded()
     fitter = ArmFitter(dataset)
     calibration = ArmSearch(fitter).calibrated(0, silent)
-    elected = fitter.elected(calibration.placements.chain)
-    start = fitter.best_start([each.chain for each in calibration.candidates], elected)
+    selected = fitter.selected(calibration.placements.chain)
+    start = fitter.best_start([each.chain for each in calibration.candidates], selected)
     return fitter, fitter.refined(dataset, start)
 
 
@@ -76,7 +76,7 @@ def known() -> ArmPosterior:
 
 
 def test_deviations_of_the_table_are_no_smaller_than_those_of_the_posterior() -> None:
-    """By definition where nothing is elected; the jackknife is the larger somewhere."""
+    """By definition where nothing is selected; the jackknife is the larger somewhere."""
     fitter, fit = fitted()
     fit, _, solution, total = posterior(fitter, fit)
     of_posterior = np.array(table_std(fit.chain, solution.covariance_root[: 6 * len(TYPES)]))

@@ -177,8 +177,8 @@ def test_placements_can_be_fixed() -> None:
 
 def started(description: RobotDescription) -> tuple[ArmFitter, ArmFit]:
     fitter = ArmFitter(motion(0, 20, 25), (description, DescriptionSettings()))
-    elected = fitter.elected(description.chain)
-    return fitter, fitter.best_start([description.chain], elected)
+    selected = fitter.selected(description.chain)
+    return fitter, fitter.best_start([description.chain], selected)
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification import (
     arm_fit,
     coupling_search,
-    geometry_election,
+    geometry_selection,
     placement_search,
 )
 from lip_id_ros.identification.arm_problem import ArmProblem
@@ -47,8 +47,8 @@ def most_of_arms() -> int:
     """All starts, every trial of a geometry, and every round of the last descent."""
     starts = placement_search.CANDIDATES * len(arm_fit.LIFTS) * sum(arm_fit.FIRST_ROUND)
     kept = arm_fit.KEPT * sum(arm_fit.LAST_ROUNDS)
-    tried = (1 + len(arm_fit.LIFTS)) * sum(arm_fit.FIRST_ROUND) + sum(geometry_election.ROUNDS)
-    trials = geometry_election.MOST_TRIALS * tried
+    tried = (1 + len(arm_fit.LIFTS)) * sum(arm_fit.FIRST_ROUND) + sum(geometry_selection.ROUNDS)
+    trials = geometry_selection.MOST_TRIALS * tried
     return (
         starts
         + kept
@@ -103,7 +103,7 @@ def test_the_bound_holds_where_nothing_agrees_and_nothing_converges(
 ) -> None:
     monkeypatch.setattr(placement_search, 'SAME', -1.0)
     # the likelihood speaks against whatever is imposed, and left-out blocks agree
-    monkeypatch.setattr(geometry_election, 'LEAST_ERRORS', -np.inf)
+    monkeypatch.setattr(geometry_selection, 'LEAST_ERRORS', -np.inf)
     monkeypatch.setattr(arm_fit, 'LEAST_GAIN', -np.inf)
     found = identify(torques_of_no_arm('noise'))
     search = placement_search

@@ -49,7 +49,7 @@ def test_random_arms(joint_types: tuple[str, ...]) -> None:
     motion = arm.motion(100, seed=1)
     assert_predicts(found, motion, arm.torque(*motion))
     assert found.searches_agreed
-    assert found.remainder is None
+    assert found.residual_gp is None
     assert found.outliers == 0
     assert (np.linalg.eigvalsh(pseudo_inertia(found.arm.links)) > 0.0).all()
 
@@ -138,7 +138,7 @@ def test_exact_torques() -> None:
     arm = random_arm((R, R, R), seed=1)
     motion = arm.motion(100, seed=1)
     found = identify(samples_of(arm, noise=0.0))
-    assert found.remainder is None
+    assert found.residual_gp is None
     assert_predicts(found, motion, arm.torque(*motion), 1e-4)
 
 
@@ -191,11 +191,11 @@ def test_a_spring_between_joints_has_a_process_beside_the_links() -> None:
     tau = torque(*motion)
     data = dataset_of(arm, motion, tau + noise_of(tau))
     found = identify(data)
-    assert found.remainder is not None
-    assert found.remainder.joints.any()
-    assert not found.remainder.replaces.any()
+    assert found.residual_gp is not None
+    assert found.residual_gp.joints.any()
+    assert not found.residual_gp.replaces.any()
     assert_predicts(found, unseen, torque(*unseen), 0.06)
-    assert identify(data, terms=NAMED).remainder is None
+    assert identify(data, terms=NAMED).residual_gp is None
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from benchmarks import springs
 from benchmarks._drives import random_arm
 from lip_id_ros.arrays import Array
 from lip_id_ros.friction.conservative_terms import lever_features, LeverSpring
-from lip_id_ros.identification.friction_election import elect_friction
+from lip_id_ros.identification.friction_selection import select_friction
 from lip_id_ros.identification.lever_search import best_lever, Explained, LeverSearch
 from lip_id_ros.identification.sample_selection import remembering
 
@@ -64,10 +64,10 @@ def test_the_gain_is_that_of_a_plain_fit() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize('kind', springs.KINDS)
-def test_elected_where_it_is(kind: str) -> None:
+def test_selected_where_it_is(kind: str) -> None:
     """`python -m benchmarks springs` counts whole fits."""
     data = remembering(springs.simulated(kind, 0, 0))
-    found = elect_friction(data, random_arm(springs.N_JOINTS, 0).chain, LINK_STD)
+    found = select_friction(data, random_arm(springs.N_JOINTS, 0).chain, LINK_STD)
     names = [[name for name in own if name == 'lever spring'] for own in found.friction.names()]
     expected = kind != 'none'
     assert [len(own) for own in names] == [0, int(expected), 0, 0]

@@ -23,7 +23,7 @@ def fitted(kind: str) -> tuple[ArmFitter, ArmFit]:
     """Return a fit to a simulated arm from where its joints are."""
     fitter = ArmFitter(remembering(springs.simulated(kind, 0, 0)))
     chain = random_arm(springs.N_JOINTS, 0).chain
-    start = fitter.best_start([chain], fitter.elected(chain))
+    start = fitter.best_start([chain], fitter.selected(chain))
     return fitter, fitter.refined(fitter.some(SAMPLES), start, ROUND)
 
 

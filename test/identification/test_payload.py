@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from export.arms import model_of, random_arm, remainder_of
+from export.arms import model_of, random_arm, residual_gp_of
 from model.models import torque_of_processes
 import numpy as np
 import pytest
@@ -102,20 +102,20 @@ def test_without_noise_all_ten_numbers_are_found() -> None:
 def test_a_process_beside_links_is_no_payload() -> None:
     """What it was learned to correct of the bare arm is not explained by the payload."""
     arm = arm_of('RRRRRR')
-    first = remainder_of(arm)  # at two joints, here the last ones
-    remainder = replace(
+    first = residual_gp_of(arm)  # at two joints, here the last ones
+    residual_gp = replace(
         first,
         replaces=np.zeros(6, dtype=bool),
         lengths=np.roll(first.lengths, 4, axis=0),
         alpha=10.0 * np.roll(first.alpha, 4, axis=1),
     )
     data = recorded(arm, body(), 0, NOISE)
-    rest = torque_of_processes(remainder, data.q, data.dq, data.ddq)
+    rest = torque_of_processes(residual_gp, data.q, data.dq, data.ddq)
     assert rest.std(axis=0).max() > 10.0 * NOISE
     model, data = model_of(arm), replace(data, tau=data.tau + rest)
     found, ignorant = (
         payload_in_flange(identify_payload(each, data), 0.0, 0.0)
-        for each in (replace(model, remainder=remainder), model)
+        for each in (replace(model, residual_gp=residual_gp), model)
     )
     assert found.mass == pytest.approx(MASS, rel=0.001)
     np.testing.assert_allclose(found.centre, CENTRE, atol=5e-4)
@@ -125,7 +125,7 @@ def test_a_process_beside_links_is_no_payload() -> None:
 def learned(data: Dataset, chain: Chain) -> ArmPosterior:
     """Fit an arm whose placements need not be searched for."""
     fitter = ArmFitter(data)
-    fit = fitter.best_start([chain], fitter.elected(chain))
+    fit = fitter.best_start([chain], fitter.selected(chain))
     arm = posterior(fitter, fitter.converged(data, fit))[1]
     return compacted(arm, ranges_of(data))
 

@@ -1,4 +1,4 @@
-"""Elected friction and the diagnosis of efforts on real recordings."""
+"""Selected friction and the diagnosis of efforts on real recordings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lip_id_ros.friction.model import plain_friction
 from lip_id_ros.health.effort_meaning import diagnose_effort
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch
-from lip_id_ros.identification.friction_election import ElectedFriction
+from lip_id_ros.identification.friction_selection import SelectedFriction
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.progress import silent
 from lip_id_ros.rigid_body import Chain
@@ -36,7 +36,7 @@ def loaded(path: Path, joints: tuple[str, ...]) -> Dataset:
     return load_dataset(path, Config(recording=RecordingSettings(joints=joints)))
 
 
-def torque(dataset: Dataset, chain: Chain, got: ElectedFriction) -> Array:
+def torque(dataset: Dataset, chain: Chain, got: SelectedFriction) -> Array:
     state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
     links = torque_regressor(chain, *state) @ got.link_parameters.ravel()
     return np.asarray(links + got.friction.torque(dataset.q, dataset.dq, dataset.ddq, links))
@@ -46,7 +46,7 @@ def test_predicts_unseen_motion_of_a_ur10(shared_data: Path) -> None:
     training, unseen = loaded(shared_data / UR10, UR10_JOINTS).split(0.7)
     fitter = ArmFitter(training)
     chain = ArmSearch(fitter).calibrated(0, silent).placements.chain
-    got = fitter.elected(chain)
+    got = fitter.selected(chain)
     error = np.mean((torque(unseen, chain, got) - unseen.tau) ** 2, axis=0)
     share = error / unseen.tau.var(axis=0)
     assert np.exp(np.mean(np.log(share))) < 0.009
@@ -58,5 +58,5 @@ def test_predicts_unseen_motion_of_a_ur10(shared_data: Path) -> None:
 
 
 def test_no_false_alarm(shared_data: Path) -> None:
-    """`python -m benchmarks elections --only alarms` looks at the other recordings too."""
+    """`python -m benchmarks selections --only alarms` looks at the other recordings too."""
     assert diagnose_effort(loaded(shared_data / PANDA, ())) == ()

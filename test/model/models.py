@@ -21,10 +21,10 @@ from lip_id_ros.model import EffortCalibration, InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.model.known_states import KnownStates, stored_states
-from lip_id_ros.model.remainder import (
+from lip_id_ros.model.residual_gp import (
     correlation,
     Inputs,
-    Remainder,
+    ResidualGP,
     stored_inputs,
     stored_weights,
 )
@@ -38,14 +38,14 @@ def random_model(
     types: tuple[str, ...] = TYPES,
     n_samples: int = 7,
     friction: bool = True,
-    remainder: bool = True,
+    residual_gp: bool = True,
     seed: int = 0,
 ) -> InverseDynamicsModel:
     """Return a model that is conditioned on random torques; `ARTICULATED` is a random arm."""
     rng = np.random.default_rng(seed)
     if member == ARTICULATED:
         arm = random_arm(types, rng)
-        return of_arm(arm, types, random_remainder(types, rng) if remainder else None)
+        return of_arm(arm, types, random_residual_gp(types, rng) if residual_gp else None)
     kernel = random_kernel(member, types, friction, rng)
     return conditioned(TorquePrior(kernel, random_hyperparameters(kernel, rng)), n_samples, rng)
 
@@ -93,7 +93,7 @@ def conditioned(
 
 
 def of_arm(
-    arm: ArmPosterior, types: tuple[str, ...], remainder: Remainder | None = None
+    arm: ArmPosterior, types: tuple[str, ...], residual_gp: ResidualGP | None = None
 ) -> InverseDynamicsModel:
     n = len(types)
     rng = np.random.default_rng(2)
@@ -106,7 +106,7 @@ def of_arm(
         n_samples=100,
         effort_calibrations=(EffortCalibration(0.5 + rng.random(n), rng.normal(size=n)),),
         arm=arm,
-        remainder=remainder,
+        residual_gp=residual_gp,
         known_states=random_known_states(n, rng),
     )
 
@@ -136,24 +136,24 @@ def random_arm(types: tuple[str, ...], rng: np.random.Generator) -> ArmPosterior
     )
 
 
-def torque_of_processes(remainder: Remainder, q: Array, dq: Array, ddq: Array) -> Array:
+def torque_of_processes(residual_gp: ResidualGP, q: Array, dq: Array, ddq: Array) -> Array:
     """Return the posterior mean as it is defined, shape (N, n)."""
-    z = remainder.inputs(q, dq, ddq)
-    out = np.sum(remainder.inputs.friction(dq) * remainder.friction, axis=2)
-    for joint in np.flatnonzero(remainder.joints):
-        cross = correlation(z, remainder.x, remainder.lengths[joint])
-        out[:, joint] += cross @ remainder.alpha[:, joint]
+    z = residual_gp.inputs(q, dq, ddq)
+    out = np.sum(residual_gp.inputs.friction(dq) * residual_gp.friction, axis=2)
+    for joint in np.flatnonzero(residual_gp.joints):
+        cross = correlation(z, residual_gp.x, residual_gp.lengths[joint])
+        out[:, joint] += cross @ residual_gp.alpha[:, joint]
     return np.asarray(out)
 
 
-def random_remainder(types: tuple[str, ...], rng: np.random.Generator) -> Remainder:
+def random_residual_gp(types: tuple[str, ...], rng: np.random.Generator) -> ResidualGP:
     """Return processes beside the first joint and in place of the last."""
     n, own = len(types), np.zeros(len(types), dtype=bool)
     own[[0, -1]] = True
     q, dq, ddq = random_states(9, n, rng)
     inputs = Inputs.of(np.array([kind == R for kind in types]), q, dq, ddq)
     replaces = np.arange(n) == n - 1
-    return Remainder(
+    return ResidualGP(
         inputs=inputs,
         x=stored_inputs(inputs(q, dq, ddq)),
         lengths=rng.uniform(2.0, 6.0, inputs.scale.size) * own[:, None],

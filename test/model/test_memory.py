@@ -22,7 +22,7 @@ States = tuple[Array, Array, Array]
 
 @pytest.fixture(scope='module')
 def model() -> InverseDynamicsModel:
-    plain = random_model(ARTICULATED, remainder=False)
+    plain = random_model(ARTICULATED, residual_gp=False)
     assert plain.arm is not None
     n = plain.n_joints
     basis = plain_friction(n, np.full(n, WIDTH))

@@ -63,7 +63,7 @@ def answers(model: InverseDynamicsModel, x: Any) -> list[Any]:
 @pytest.mark.parametrize('member', KERNELS)
 def test_round_trip(member: str, terms: bool, path: Path) -> None:
     model = replace(
-        random_model(member, (R, P, R), friction=terms, remainder=terms),
+        random_model(member, (R, P, R), friction=terms, residual_gp=terms),
         provenance={'sources': ['a.mcap'], 'n_samples_available': 9},
     )
     model.save(path)
@@ -106,7 +106,7 @@ def test_round_trip_of_links_without_gravity(path: Path) -> None:
 
 
 def test_an_arm_of_format_7_has_no_coupled_positions(path: Path) -> None:
-    model = random_model(ARTICULATED, remainder=False)
+    model = random_model(ARTICULATED, residual_gp=False)
     assert model.arm is not None
     chain = model.arm.chain._replace(couplings=np.zeros((0, 3)))
     serial = replace(model, arm=replace(model.arm, chain=chain))
@@ -281,7 +281,7 @@ LINKS = ('arm_rotations', 'arm_translations', 'arm_gravity', 'arm_links')
 
 @pytest.mark.parametrize('name', LINKS)
 def test_links_of_other_joints(name: str, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    random_model(ARTICULATED, remainder=False).save(path)
+    random_model(ARTICULATED, residual_gp=False).save(path)
 
     def cut(arrays: Arrays, _: Header) -> None:
         arrays[name] = arrays[name][1:]

@@ -66,13 +66,13 @@ def check_against_covariances(model: InverseDynamicsModel) -> None:
 
 
 def check_against_regressors(model: InverseDynamicsModel, x: States) -> None:
-    """Compare with regressors times parameters, and friction and remainder as they are defined."""
+    """Compare with regressors times parameters, friction and residual GP as they are defined."""
     arm, got = model.arm, model.predict(*x)
     assert arm is not None
     assert got.potential is not None
     tau = arm.torque(*x)
-    if model.remainder is not None:
-        tau = tau * ~model.remainder.replaces + torque_of_processes(model.remainder, *x)
+    if model.residual_gp is not None:
+        tau = tau * ~model.residual_gp.replaces + torque_of_processes(model.residual_gp, *x)
     assert_close(got.tau, tau)
     assert_close(got.inertial + got.coriolis + got.gravity + got.friction, tau)
     assert_close(got.kinetic, kinetic_regressor(arm.chain, *x[:2]) @ arm.links.ravel())
@@ -99,8 +99,8 @@ def test_numbers_of_samples_around_the_width_of_the_loops(member: str, n_samples
 
 
 @pytest.mark.parametrize('member', KERNELS)
-def test_without_friction_and_remainder(member: str) -> None:
-    check_against_covariances(random_model(member, friction=False, remainder=False))
+def test_without_friction_and_residual_gp(member: str) -> None:
+    check_against_covariances(random_model(member, friction=False, residual_gp=False))
 
 
 @pytest.mark.parametrize('member', KERNELS)
@@ -135,7 +135,7 @@ def test_inertia_matrix(member: str) -> None:
 def test_gravity_of_coupled_motors_is_that_of_their_efforts() -> None:
     """A still arm without friction needs these efforts, whatever turns what."""
     q, _, _ = queries(3)
-    model = random_model(ARTICULATED, remainder=False)
+    model = random_model(ARTICULATED, residual_gp=False)
     assert model.arm is not None
     friction = model.arm.friction
     shares = [

@@ -169,7 +169,7 @@ def test_queries_are_independent_of_their_block() -> None:
 
 def test_deviations_of_an_arm_by_differences_of_the_mean() -> None:
     """Torques and energies change along each column of the covariance's root as they should."""
-    model = random_model(ARTICULATED, remainder=False)
+    model = random_model(ARTICULATED, residual_gp=False)
     arm = model.arm
     assert arm is not None
     assert arm.friction.basis.is_loaded.sum() == 2
@@ -199,7 +199,7 @@ def test_a_measurement_of_an_arm_has_its_noise_too() -> None:
 
 @pytest.mark.parametrize('count', [1, 3 * FEW])
 def test_compiled_deviations_are_the_plain_ones(count: int) -> None:
-    model = random_model(ARTICULATED, remainder=False)
+    model = random_model(ARTICULATED, residual_gp=False)
     assert model.arm is not None
     x = queries(count)
     got = model.torque_std(*x)
@@ -220,7 +220,7 @@ def widened(arm: ArmPosterior, by: Array) -> ArmPosterior:
 
 def test_widths_of_signs_have_deviations(tmp_path: Path) -> None:
     """By differences of the mean; compiled, and from a file, the same."""
-    model = random_model(ARTICULATED, remainder=False)
+    model = random_model(ARTICULATED, residual_gp=False)
     assert model.arm is not None
     std, step = np.array([0.1, 0.2, 0.05]), 1e-4
     root = np.zeros((len(model.arm.covariance_root) + std.size, std.size))
@@ -246,7 +246,7 @@ def test_widths_of_signs_have_deviations(tmp_path: Path) -> None:
 def test_a_compact_posterior_has_the_deviations_of_the_whole(seed: int) -> None:
     """In fewer coordinates and bits, at states that were not looked at, energies included."""
     rng = np.random.default_rng(seed)
-    model = random_model(ARTICULATED, remainder=False, seed=seed)
+    model = random_model(ARTICULATED, residual_gp=False, seed=seed)
     assert model.arm is not None
     count = len(model.arm.covariance_root)
     whole = replace(model.arm, covariance_root=rng.normal(size=(count, count)))

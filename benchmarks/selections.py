@@ -1,5 +1,5 @@
 """
-How often friction terms are elected, and faults of efforts diagnosed, on simulated arms.
+How often friction terms are selected, and faults of efforts diagnosed, on simulated arms.
 
 Arms of three joints; `accuracy.md` has the counts of 20 seeds.
 
@@ -30,7 +30,7 @@ from benchmarks._drives import (
 from benchmarks._real import ARMS
 from lip_id_ros.dataset import concatenate
 from lip_id_ros.health.effort_meaning import diagnose_effort
-from lip_id_ros.identification.friction_election import elect_friction
+from lip_id_ros.identification.friction_selection import select_friction
 
 LINK_STD = np.tile([5.0, *[2.0] * 3, *[1.0] * 7], (N_JOINTS, 1))
 PLAIN = {'viscous', 'Coulomb', 'offset'}
@@ -40,7 +40,7 @@ Expected = list[set[str]]
 
 def main(arguments: list[str]) -> int:
     """Print a line for each term, each fault, and each real recording."""
-    parser = argparse.ArgumentParser(prog='benchmarks elections', description=__doc__)
+    parser = argparse.ArgumentParser(prog='benchmarks selections', description=__doc__)
     parser.add_argument('--seeds', type=int, nargs='+', default=list(range(20)))
     parser.add_argument('--only', choices=('friction', 'efforts', 'alarms'))
     parser.add_argument('--cases', nargs='+', help='only these terms, faults or recordings')
@@ -58,15 +58,15 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def elected(seed: int, extra: Terms) -> list[set[str]]:
-    """Return what is elected beside the usual friction, joint by joint."""
+def selected(seed: int, extra: Terms) -> list[set[str]]:
+    """Return what is selected beside the usual friction, joint by joint."""
     arm, dataset = recording(seed, extra)
-    got = elect_friction(dataset, arm.chain, LINK_STD)
+    got = select_friction(dataset, arm.chain, LINK_STD)
     return [set(names) - PLAIN for names in got.friction.names()]
 
 
 def _cases() -> dict[str, tuple[Terms, Expected]]:
-    """Return terms that are there, and what should be elected for each joint."""
+    """Return terms that are there, and what should be selected for each joint."""
     cases: dict[str, tuple[Terms, Expected]] = {'nothing': ([], [set()] * N_JOINTS)}
     for name in PRESENT:
         cases[name] = present(name), [{name} if j == JOINT else set() for j in range(N_JOINTS)]
@@ -83,7 +83,7 @@ def _friction(seeds: list[int], only: list[str] | None) -> Iterator[str]:
         started = time.process_time()
         missed, others = [], Counter[str]()
         for seed in seeds:
-            pairs = list(zip(elected(seed, extra), expected, strict=True))
+            pairs = list(zip(selected(seed, extra), expected, strict=True))
             if not all(there <= mine for mine, there in pairs):
                 missed.append(seed)
             for mine, there in pairs:

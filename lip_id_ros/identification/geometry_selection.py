@@ -29,7 +29,7 @@ against a length: few arms have axes that are askew, and many have axes that do 
 LEAST_ERRORS = 2.0
 """Increase of left-out errors, in its standard errors, for which geometry is released anyway."""
 
-MOST_TRIALS, ELECTION_SAMPLES = 12, 5000
+MOST_TRIALS, SELECTION_SAMPLES = 12, 5000
 ROUNDS = (20,)
 """Evaluations of the descent of a trial."""
 
@@ -47,26 +47,26 @@ class Trial:
         return self.imposed[:k] + self.imposed[k + 1 :]
 
 
-def elect_geometry(fitter: ArmFitter, fit: ArmFit) -> ArmFit:
+def select_geometry(fitter: ArmFitter, fit: ArmFit) -> ArmFit:
     """Set twists of a free fit to quarter turns and lengths to zero, as many as the data bear."""
-    thinned = fitter.thinned(ELECTION_SAMPLES)
+    thinned = fitter.thinned(SELECTION_SAMPLES)
     _, _, solution, total = posterior(thinned, fit)
     offers = tuple(
         geometry for _, geometry in candidates(solution.chain, solution.covariance_root)
     )
     left_out = left_out_at_present(total, known_of(thinned, fit))
-    election = GeometryElection(thinned, Trial(fit, (), left_out))
+    selection = GeometrySelection(thinned, Trial(fit, (), left_out))
     # the left-out errors of a trial are those of its minimum, which its descent has not reached
-    return fitter.converged(fitter.some(MOST_SAMPLES), election.elected(offers))
+    return fitter.converged(fitter.some(MOST_SAMPLES), selection.selected(offers))
 
 
-class GeometryElection:
+class GeometrySelection:
     """Backward elimination, with at most `MOST_TRIALS` fits."""
 
     def __init__(self, fitter: ArmFitter, free: Trial) -> None:
         self._fitter, self._free, self._left = fitter, free, MOST_TRIALS
 
-    def elected(self, offers: tuple[Geometry, ...]) -> ArmFit:
+    def selected(self, offers: tuple[Geometry, ...]) -> ArmFit:
         """Return the fit with all of the offers but those that were released."""
         trial: Trial | None = self._tried(self._free.fit, offers)
         while trial is not None:

@@ -1,13 +1,13 @@
-"""Posterior means of the processes of a remainder, compiled."""
+"""Posterior means of the processes of a residual_gp, compiled."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from lip_id_ros.arrays import Array, IntArray
-from lip_id_ros.model.remainder import (
+from lip_id_ros.model.residual_gp import (
     kinds_of,
-    Remainder,
+    ResidualGP,
     set_correlations,
     set_inputs,
     SIGN_WIDTH,
@@ -16,9 +16,9 @@ from lip_id_ros.model.threads import in_threads
 from lip_id_ros.numba_jit import jit
 
 
-class RemainderMean:
+class ResidualGPMean:
     """
-    Torques of a remainder.
+    Torques of a residual GP.
 
     Processes with the same length scales share the correlations with their samples. Samples
     without weights are left out.
@@ -26,19 +26,19 @@ class RemainderMean:
     `floats`, `integers`: for `add_means`.
     """
 
-    def __init__(self, remainder: Remainder) -> None:
-        inputs, sizes = remainder.inputs, []
-        different, kinds = kinds_of(remainder.lengths, remainder.joints)
+    def __init__(self, residual_gp: ResidualGP) -> None:
+        inputs, sizes = residual_gp.inputs, []
+        different, kinds = kinds_of(residual_gp.lengths, residual_gp.joints)
         floats = [inputs.centre, 1.0 / inputs.scale, 1.0 / inputs.sign_width]
-        floats.append(remainder.friction.ravel())
+        floats.append(residual_gp.friction.ravel())
         for number, lengths in enumerate(different):
-            weights = remainder.alpha[:, kinds == number]
+            weights = residual_gp.alpha[:, kinds == number]
             rows = weights.any(axis=1)
-            x = remainder.x[rows] / lengths
+            x = residual_gp.x[rows] / lengths
             floats += [1.0 / lengths, x.T.ravel(), weights[rows].T.ravel()]
             sizes.append(int(rows.sum()))
         self.floats = np.concatenate(floats)
-        self.integers = np.concatenate([inputs.revolute, remainder.replaces, kinds, sizes])
+        self.integers = np.concatenate([inputs.revolute, residual_gp.replaces, kinds, sizes])
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the posterior mean at joint states of shape (N, n), same shape [N m or N]."""
@@ -67,7 +67,7 @@ def add_means(
     """
     Add the means of processes to the torques of links and friction at N joint states.
 
-    `tau`, `q`, `dq`, `ddq`, shape (N, n): as for `RemainderMean.add_to`. `floats`: one after the
+    `tau`, `q`, `dq`, `ddq`, shape (N, n): as for `ResidualGPMean.add_to`. `floats`: one after the
     other: centre and inverse scale of the inputs; of the joints, inverse widths of smooth signs,
     and rows of three coefficients of friction; of each kind of process, inverse length scales, its
     inputs of samples in length scales, transposed, and the weights of its joints, one joint after

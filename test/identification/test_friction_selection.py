@@ -1,4 +1,4 @@
-"""Friction terms are elected where they are, and not where they are not."""
+"""Friction terms are selected where they are, and not where they are not."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from benchmarks._drives import (
     Terms,
     WIDTH,
 )
-from benchmarks.elections import LINK_STD, PLAIN
+from benchmarks.selections import LINK_STD, PLAIN
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.terms import Coulomb
-from lip_id_ros.identification.friction_election import elect_friction, ElectedFriction
+from lip_id_ros.identification.friction_selection import select_friction, SelectedFriction
 from lip_id_ros.identification.friction_shapes import (
     FIRST,
     LAST,
@@ -43,12 +43,12 @@ pytestmark = pytest.mark.slow
 SEEDS = (0, 1)
 
 
-def elected(arm: RandomArm, dataset: Dataset) -> tuple[ElectedFriction, list[set[str]]]:
-    got = elect_friction(dataset, arm.chain, LINK_STD)
+def selected(arm: RandomArm, dataset: Dataset) -> tuple[SelectedFriction, list[set[str]]]:
+    got = select_friction(dataset, arm.chain, LINK_STD)
     return got, [set(names) - PLAIN for names in got.friction.names()]
 
 
-def error(arm: RandomArm, dataset: Dataset, got: ElectedFriction) -> Array:
+def error(arm: RandomArm, dataset: Dataset, got: SelectedFriction) -> Array:
     state = dataset.q, dataset.dq, dataset.ddq
     links = RandomArm(arm.chain, got.link_parameters).torque(*state)
     tau = links + got.friction.torque(dataset.q, dataset.dq, dataset.ddq, links)
@@ -58,11 +58,11 @@ def error(arm: RandomArm, dataset: Dataset, got: ElectedFriction) -> Array:
 
 
 def check(extra: Terms, expected: list[set[str]]) -> None:
-    """`python -m benchmarks elections` counts more seeds."""
+    """`python -m benchmarks selections` counts more seeds."""
     others = 0
     for seed in SEEDS:
         arm, dataset = recording(seed, extra)
-        got, names = elected(arm, dataset)
+        got, names = selected(arm, dataset)
         assert all(there <= mine for mine, there in zip(names, expected, strict=True))
         others += sum(map(len, names)) - sum(map(len, expected))
         assert np.all(error(arm, dataset, got) < 1.0)
@@ -70,12 +70,12 @@ def check(extra: Terms, expected: list[set[str]]) -> None:
 
 
 @pytest.mark.parametrize('name', PRESENT)
-def test_elected_where_it_is(name: str) -> None:
+def test_selected_where_it_is(name: str) -> None:
     check(present(name), [{name} if joint == JOINT else set() for joint in range(N_JOINTS)])
 
 
 @pytest.mark.parametrize('seed', SEEDS)
-def test_rounding_elects_nothing(seed: int) -> None:
+def test_rounding_selects_nothing(seed: int) -> None:
     """Load-dependent viscous friction that would be negative is zero, and gains nothing."""
     arm, dataset = recording(seed, present('load-dependent Coulomb'))
     tau, load = dataset.tau.copy(), arm.torque(dataset.q, dataset.dq, dataset.ddq)
@@ -83,7 +83,7 @@ def test_rounding_elects_nothing(seed: int) -> None:
     rng = np.random.default_rng(seed)
     for rounding in 0.0, 1e-10, 1e-10:
         changed = tau * (1.0 + rounding * rng.standard_normal(tau.shape))
-        _, names = elected(arm, replace(dataset, tau=changed))
+        _, names = selected(arm, replace(dataset, tau=changed))
         assert names == [set(), {'load-dependent Coulomb'}, set()]
 
 
@@ -105,7 +105,7 @@ def test_friction_with_a_memory_is_presliding(seed: int) -> None:
     )
     tau = dataset.tau.copy()
     tau[:, JOINT] += extra
-    _, names = elected(arm, replace(dataset, tau=tau))
+    _, names = selected(arm, replace(dataset, tau=tau))
     assert [each & {'pre-sliding'} for each in names] == [set(), {'pre-sliding'}, set()]
 
 
@@ -118,7 +118,7 @@ def test_torques_of_coupled_motors() -> None:
     check(coupled_efforts(), [set(), {'torque coupled with joint 3'}, set()])
 
 
-def test_nothing_is_elected_where_there_is_nothing() -> None:
+def test_nothing_is_selected_where_there_is_nothing() -> None:
     check([], [set()] * N_JOINTS)
 
 
@@ -128,11 +128,11 @@ def test_sticking_near_rest_spoils_nothing() -> None:
     rng = np.random.default_rng(1)
     size = arm.torque(dataset.q, dataset.dq, dataset.ddq).std(axis=0)
     off = np.where(near, 0.3 * size * rng.choice([-1.0, 1.0], near.shape), 0.0)
-    got, names = elected(arm, replace(dataset, tau=dataset.tau + off))
+    got, names = selected(arm, replace(dataset, tau=dataset.tau + off))
     assert names == [set()] * N_JOINTS
     assert np.all(got.noise.ratio >= 4.0)
     assert np.all(error(arm, dataset, got) < 1.0)
-    plain, _ = elected(arm, dataset)
+    plain, _ = selected(arm, dataset)
     np.testing.assert_array_equal(plain.noise.ratio, 0.0)
 
 
@@ -141,8 +141,8 @@ def test_a_joint_that_nothing_explains_spoils_no_other() -> None:
     tau = dataset.tau.copy()
     walk = np.cumsum(np.random.default_rng(2).standard_normal(dataset.n_samples))
     tau[:, 2] += 2.0 * tau[:, 2].std() * walk / walk.std()
-    clean, _ = elected(arm, dataset)
-    spoilt, _ = elected(arm, replace(dataset, tau=tau))
+    clean, _ = selected(arm, dataset)
+    spoilt, _ = selected(arm, replace(dataset, tau=tau))
     before, after = (error(arm, dataset, got)[:2] for got in (clean, spoilt))
     assert np.all(after < 1.5 * before)
 
@@ -166,8 +166,8 @@ def test_bad_samples_change_little(
 ) -> None:
     arm, dataset = recording(0, [])
     bad_dataset, bad = spoil(dataset)
-    clean, _ = elected(arm, dataset)
-    got, names = elected(arm, bad_dataset)
+    clean, _ = selected(arm, dataset)
+    got, names = selected(arm, bad_dataset)
     assert names == [set()] * N_JOINTS
     assert np.all(error(arm, dataset, got) < 1.1 * error(arm, dataset, clean) + 0.01)
     weights = got.weights(bad_dataset, arm.chain)
@@ -184,7 +184,7 @@ def test_widths_are_found_between_those_of_the_grid(
     monkeypatch.setattr('benchmarks._drives.NOISE', 0.005)
     for seed in SEEDS:
         arm, dataset = recording(seed, [])
-        got, names = elected(arm, dataset)
+        got, names = selected(arm, dataset)
         assert names == [set()] * N_JOINTS
         terms = (part.term for part in got.friction.basis.terms)
         found = [term.width for term in terms if isinstance(term, Coulomb)]
@@ -199,7 +199,7 @@ def test_a_joint_that_is_slow_has_a_wide_sign() -> None:
     change = np.tanh(dataset.dq[:, 0] / slow.width) - np.tanh(dataset.dq[:, 0] / WIDTH)
     tau = dataset.tau.copy()
     tau[:, 0] += 0.1 * arm.torque(dataset.q, dataset.dq, dataset.ddq)[:, 0].std() * change
-    got, names = elected(arm, replace(dataset, tau=tau))
+    got, names = selected(arm, replace(dataset, tau=tau))
     assert names == [set()] * N_JOINTS
     first = next(p.term for p in got.friction.basis.terms if isinstance(p.term, Coulomb))
     np.testing.assert_allclose(first.width, slow.width, rtol=0.1)
@@ -225,7 +225,7 @@ def test_what_the_low_pass_makes_of_friction_is_no_friction(seed: int) -> None:
     arm = random_arm(N_JOINTS, seed)
     usual = filtered(arm, 1.0)
     fits = [
-        elect_friction(dataset, arm.chain, LINK_STD)
+        select_friction(dataset, arm.chain, LINK_STD)
         for dataset in (usual, replace(usual, provenance={}))
     ]
     for speed, bound in ((0.5, 0.8), (2.0, 0.5)):

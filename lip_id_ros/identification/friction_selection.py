@@ -1,5 +1,5 @@
 """
-Which friction terms drives have, elected by the prediction of left-out blocks.
+Which friction terms drives have, selected by the prediction of left-out blocks.
 
 Greedy forward selection on training data alone (Hastie, Tibshirani and Friedman, The Elements of
 Statistical Learning, 3.3.2 and 7.10; maths.md, section 12).
@@ -49,7 +49,7 @@ from lip_id_ros.rigid_body.regressor import torque_regressor
 
 BLOCKS = 6
 MOST_SAMPLES = 20_000
-"""Samples that the election looks at; of more, so many evenly chosen."""
+"""Samples that the selection looks at; of more, so many evenly chosen."""
 
 LEVER_SAMPLES = 1500
 """Samples with which springs between two points are searched for."""
@@ -78,7 +78,7 @@ EVERY_TERM = Offer(candidates, levers=True)
 
 
 @dataclass(frozen=True, eq=False)
-class ElectedFriction:
+class SelectedFriction:
     """Friction and links, fitted together to all samples."""
 
     friction: FrictionModel
@@ -99,40 +99,40 @@ class ElectedFriction:
         return np.asarray(self.noise.weights(dataset.dq) * outliers)
 
 
-def elect_friction(
+def select_friction(
     dataset: Dataset, chain: Chain, link_std: Array, offer: Offer = EVERY_TERM
-) -> ElectedFriction:
+) -> SelectedFriction:
     """
-    Elect the widths of signs, then terms, in rounds with the links' torques of the round before.
+    Select the widths of signs, then terms, in rounds with the links' torques of the round before.
 
     The links' parameters have prior deviations `link_std`, shape (n, 11), around zero.
     """
-    election = _Election(dataset, chain, link_std)
+    selection = _Selection(dataset, chain, link_std)
     for _ in range(NOISE_ROUNDS):
-        widths = election.widths.beside([], election.no_load)
+        widths = selection.widths.beside([], selection.no_load)
         plain = plain_candidates(widths)
         # what pre-sliding explains near rest is not noise
         terms = [*plain, *presliding_candidates(widths, dataset)]
-        election.reweight(terms, election.fitted(terms, election.no_load), election.no_load)
-    ripples = ripple_candidates(election.harmonics(terms))
-    fit, chosen = election.fitted(plain, election.no_load), list[Candidate]()
+        selection.reweight(terms, selection.fitted(terms, selection.no_load), selection.no_load)
+    ripples = ripple_candidates(selection.harmonics(terms))
+    fit, chosen = selection.fitted(plain, selection.no_load), list[Candidate]()
     for _ in range(LOAD_ROUNDS):
-        load, before = election.links_torque(fit), chosen
-        widths = election.widths.beside(chosen, load)
-        widths = election.widths.beside_saturation(widths, chosen, load)
+        load, before = selection.links_torque(fit), chosen
+        widths = selection.widths.beside(chosen, load)
+        widths = selection.widths.beside_saturation(widths, chosen, load)
         plain = plain_candidates(widths)
-        chosen = election.chosen(plain, [*offer.candidates(widths, dataset), *ripples], load)
+        chosen = selection.chosen(plain, [*offer.candidates(widths, dataset), *ripples], load)
         if offer.levers:
-            chosen = election.with_levers(plain, chosen, load)
-        fit = election.fitted([*plain, *chosen], load)
-        noise = election.reweight([*plain, *chosen], fit, load)
+            chosen = selection.with_levers(plain, chosen, load)
+        fit = selection.fitted([*plain, *chosen], load)
+        noise = selection.reweight([*plain, *chosen], fit, load)
         if chosen == before:
             break
-    fit = election.fitted([*plain, *chosen], load)
-    return election.outcome([*plain, *chosen], fit, noise)
+    fit = selection.fitted([*plain, *chosen], load)
+    return selection.outcome([*plain, *chosen], fit, noise)
 
 
-class _Election:
+class _Selection:
     """Samples with the links' features, and the statistics of whatever terms are on offer."""
 
     def __init__(self, dataset: Dataset, chain: Chain, link_std: Array) -> None:
@@ -261,10 +261,10 @@ class _Election:
         terms: Sequence[Candidate],
         fit: LeftOutFit,
         noise: TorqueNoise,
-    ) -> ElectedFriction:
+    ) -> SelectedFriction:
         """Return what was fitted to all samples."""
         basis = self._basis(terms)
-        return ElectedFriction(
+        return SelectedFriction(
             FrictionModel(basis, np.maximum(fit.parameters[self.n_links :], basis.lower)),
             fit.parameters[: self.n_links].reshape(self._link_std.shape),
             noise,

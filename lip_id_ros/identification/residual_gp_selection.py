@@ -23,18 +23,18 @@ from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.process_parameters import likeliest, sparse_weights
 from lip_id_ros.identification.sample_selection import evenly
 from lip_id_ros.linear_algebra import normal_solution
-from lip_id_ros.model.remainder import (
+from lip_id_ros.model.residual_gp import (
     correlation,
     FRICTION_VARIANCE,
     Inputs,
     kinds_of,
-    Remainder,
+    ResidualGP,
     stored_inputs,
     stored_weights,
 )
 
-MOST_SAMPLES, ELECTION_SAMPLES = 1000, 300
-"""Of the processes that were elected, and of their election."""
+MOST_SAMPLES, SELECTION_SAMPLES = 1000, 300
+"""Of the processes that were selected, and of their selection."""
 
 BLOCKS, LEAST_FOLDS = 6, 4
 EXTREME = 1.0 / 6.0
@@ -103,7 +103,7 @@ class Errors:
 
 
 @dataclass(frozen=True, eq=False)
-class RemainderProcess:
+class ResidualProcess:
     """A Gaussian process of one joint."""
 
     replaces: bool  # takes the place of the links
@@ -147,7 +147,7 @@ class Targets:
         own = self.friction[:, joint] * float(replaces)
         return np.asarray(FRICTION_VARIANCE * own @ own.T)
 
-    def conditioned(self, processes: Sequence[RemainderProcess | None]) -> Remainder | None:
+    def conditioned(self, processes: Sequence[ResidualProcess | None]) -> ResidualGP | None:
         """Return the processes of the joints that have one; None if there are none."""
         n = self.tau.shape[1]
         noise, variance, left_out_std = np.zeros((3, n))
@@ -170,7 +170,7 @@ class Targets:
             return None
         few = self._sparse(lengths, alpha, LARGEST_ERROR * left_out_std)
         own = lengths, noise, variance, left_out_std
-        return Remainder(self.inputs, self.x, *own, replaces, stored_weights(few), friction)
+        return ResidualGP(self.inputs, self.x, *own, replaces, stored_weights(few), friction)
 
     def _sparse(self, lengths: Array, alpha: Array, tolerance: Array) -> Array:
         """Return weights of few samples, the same ones for joints with the same length scales."""
@@ -182,23 +182,23 @@ class Targets:
         return out
 
 
-class RemainderElection:
-    """Election of processes, joint by joint."""
+class ResidualGPSelection:
+    """Selection of processes, joint by joint."""
 
     def __init__(self, targets: Targets, folds: Sequence[Fold]) -> None:
         self._targets, self._folds = targets, folds
 
-    def elect(self) -> list[RemainderProcess | None]:
+    def select(self) -> list[ResidualProcess | None]:
         """Return the process of every joint; None where it predicts better without."""
         return [self.chosen(joint) for joint in range(self._targets.tau.shape[1])]
 
-    def chosen(self, joint: int) -> RemainderProcess | None:
+    def chosen(self, joint: int) -> ResidualProcess | None:
         """Return the process of one joint; None where it is better off without."""
         folds = [fold for fold in self._folds if fold.joint in (-1, joint)]
         alone = Errors.of(folds, [fold.residual[fold.out, joint] for fold in folds])
         if alone.block_std < NOTHING * self._targets.tau[:, joint].std():
             return None
-        best: RemainderProcess | None = None
+        best: ResidualProcess | None = None
         errors = alone
         # A process is wrong without bound where it is wrong, above all in place of the links.
         for replaces in (False, True):
@@ -212,7 +212,7 @@ class RemainderElection:
 
     def _candidates(
         self, joint: int, replaces: bool, folds: Sequence[Fold]
-    ) -> Iterator[tuple[RemainderProcess, Errors]]:
+    ) -> Iterator[tuple[ResidualProcess, Errors]]:
         """Yield processes with the errors of left-out samples."""
         x, known = self._targets.x, self._targets.known(joint, replaces)
         for lengths, noises in self._offers(joint, replaces, known):
@@ -220,7 +220,7 @@ class RemainderElection:
             for noise in noises:
                 left_out = [self._left_out(fold, joint, replaces, gram, noise) for fold in folds]
                 errors = Errors.of(folds, left_out)
-                yield RemainderProcess(replaces, lengths, noise, errors.block_std), errors
+                yield ResidualProcess(replaces, lengths, noise, errors.block_std), errors
 
     def _offers(
         self, joint: int, replaces: bool, known: Array
@@ -245,25 +245,25 @@ class RemainderElection:
         return np.asarray(target[out] - gram[np.ix_(out, ~out)] @ alpha)
 
 
-def elect_remainder(fitter: ArmFitter, fit: ArmFit) -> Remainder | None:
+def select_residual_gp(fitter: ArmFitter, fit: ArmFit) -> ResidualGP | None:
     """Return the processes that predict better than links and friction of a fit alone, if any."""
-    return conditioned_remainder(fitter, fit, elect_processes(fitter, fit))
+    return conditioned_residual_gp(fitter, fit, select_processes(fitter, fit))
 
 
-def elect_processes(fitter: ArmFitter, fit: ArmFit) -> list[RemainderProcess | None]:
+def select_processes(fitter: ArmFitter, fit: ArmFit) -> list[ResidualProcess | None]:
     """Return the process of every joint; None where links and friction predict better alone."""
-    rows = evenly(fitter.dataset.n_samples, ELECTION_SAMPLES)
+    rows = evenly(fitter.dataset.n_samples, SELECTION_SAMPLES)
     masks = fold_masks(fitter.dataset, rows)
     if sum(joint < 0 for _, joint in masks) < LEAST_FOLDS:
         return [None] * fitter.dataset.n_joints  # whatever memorises would be selected
     folds = left_out_fits(fitter, fit, rows, masks)
-    return RemainderElection(_targets(fitter, fit, rows), folds).elect()
+    return ResidualGPSelection(_targets(fitter, fit, rows), folds).select()
 
 
-def conditioned_remainder(
-    fitter: ArmFitter, fit: ArmFit, processes: Sequence[RemainderProcess | None]
-) -> Remainder | None:
-    """Return elected processes, conditioned on the residual of a fit; None if there are none."""
+def conditioned_residual_gp(
+    fitter: ArmFitter, fit: ArmFit, processes: Sequence[ResidualProcess | None]
+) -> ResidualGP | None:
+    """Return selected processes, conditioned on the residual of a fit; None if there are none."""
     if not any(processes):
         return None
     rows = evenly(fitter.dataset.n_samples, MOST_SAMPLES)

@@ -8,22 +8,22 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kernels.cases import P, R, random_states
-from model.models import of_arm, random_arm, random_remainder, torque_of_processes
+from model.models import of_arm, random_arm, random_residual_gp, torque_of_processes
 import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.model.remainder import (
+from lip_id_ros.model.residual_gp import (
     correlation,
     FRICTION_VARIANCE,
     Inputs,
-    Remainder,
+    ResidualGP,
     set_correlations,
     stored_inputs,
 )
-from lip_id_ros.model.remainder_deviation import compacted, RemainderDeviation
-from lip_id_ros.model.remainder_mean import RemainderMean
+from lip_id_ros.model.residual_gp_deviation import compacted, ResidualGPDeviation
+from lip_id_ros.model.residual_gp_mean import ResidualGPMean
 
 TYPES = (R, P, R)
 States = tuple[Array, Array, Array]
@@ -40,14 +40,14 @@ def motion(n_samples: int, rng: np.random.Generator) -> States:
     return q, dq, ddq
 
 
-def remainder_of(states: States, length: float, noise: float, seed: int = 0) -> Remainder:
+def residual_gp_of(states: States, length: float, noise: float, seed: int = 0) -> ResidualGP:
     """Return equal processes at the first two joints and another at the last, all in place."""
     inputs = Inputs.of(np.array([kind == R for kind in TYPES]), *states)
     x = stored_inputs(inputs(*states))
     rng, (count, width) = np.random.default_rng(seed), x.shape
     lengths = np.full((3, width), length * np.sqrt(width))
     lengths[2] *= rng.uniform(0.3, 3.0, width)
-    return Remainder(
+    return ResidualGP(
         inputs=inputs,
         x=x,
         lengths=lengths,
@@ -60,33 +60,33 @@ def remainder_of(states: States, length: float, noise: float, seed: int = 0) -> 
     )
 
 
-def deviations_of(remainder: Remainder, states: States) -> Array:
+def deviations_of(residual_gp: ResidualGP, states: States) -> Array:
     """Return the deviations of processes in place of all links, shape (N, n)."""
     out = np.zeros_like(states[0])
-    RemainderDeviation(remainder).add_to(out, *states)
+    ResidualGPDeviation(residual_gp).add_to(out, *states)
     return out
 
 
-def textbook(remainder: Remainder, states: States) -> Array:
+def textbook(residual_gp: ResidualGP, states: States) -> Array:
     """
     Return deviations from all samples (Rasmussen and Williams 2006, equation 2.26).
 
     Friction with unknown coefficients is a part of the covariance.
 
     """
-    x, z = remainder.x, remainder.inputs(*states)
-    friction = remainder.inputs.friction_at(x), remainder.inputs.friction(states[1])
+    x, z = residual_gp.x, residual_gp.inputs(*states)
+    friction = residual_gp.inputs.friction_at(x), residual_gp.inputs.friction(states[1])
     out = np.zeros_like(states[0])
-    for joint in np.flatnonzero(remainder.joints):
-        lengths = remainder.lengths[joint]
-        size = np.sqrt(FRICTION_VARIANCE * remainder.replaces[joint])
+    for joint in np.flatnonzero(residual_gp.joints):
+        lengths = residual_gp.lengths[joint]
+        size = np.sqrt(FRICTION_VARIANCE * residual_gp.replaces[joint])
         of_samples, of_states = (size * each[:, joint] for each in friction)
         gram = correlation(x, x, lengths) + of_samples @ of_samples.T
-        gram += remainder.noise[joint] * np.eye(len(x))
+        gram += residual_gp.noise[joint] * np.eye(len(x))
         cross = correlation(x, z, lengths) + of_samples @ of_states.T
         prior = 1.0 + np.sum(of_states**2, axis=1)
         known = np.sum(cross * np.linalg.solve(gram, cross), axis=0)
-        out[:, joint] = np.sqrt(remainder.variance[joint] * (prior - known))
+        out[:, joint] = np.sqrt(residual_gp.variance[joint] * (prior - known))
     return out
 
 
@@ -103,8 +103,8 @@ def test_deviations_are_those_of_all_samples(
 ) -> None:
     rng = np.random.default_rng(seed)
     samples = motion(count, rng)
-    remainder = remainder_of(samples, length, noise, seed)
-    remainder = replace(remainder, replaces=np.array([replaces, True, replaces]))
+    residual_gp = residual_gp_of(samples, length, noise, seed)
+    residual_gp = replace(residual_gp, replaces=np.array([replaces, True, replaces]))
     at = np.stack(samples)
     states = np.concatenate(
         [
@@ -117,43 +117,43 @@ def test_deviations_are_those_of_all_samples(
         axis=1,
     )
     q, dq, ddq = states
-    ratio = deviations_of(remainder, (q, dq, ddq)) / textbook(remainder, (q, dq, ddq))
+    ratio = deviations_of(residual_gp, (q, dq, ddq)) / textbook(residual_gp, (q, dq, ddq))
     assert ratio.max() < 1.04
     assert ratio.min() > 0.99
 
 
 def test_a_smooth_process_needs_few_of_its_samples() -> None:
-    remainder = remainder_of(motion(500, np.random.default_rng(0)), 1.0, 0.1)
-    x, lengths = remainder.x, remainder.lengths[0]
-    few, root, _ = compacted(x, lengths, remainder.noise[0], remainder.inputs.friction_at(x))
+    residual_gp = residual_gp_of(motion(500, np.random.default_rng(0)), 1.0, 0.1)
+    x, lengths = residual_gp.x, residual_gp.lengths[0]
+    few, root, _ = compacted(x, lengths, residual_gp.noise[0], residual_gp.inputs.friction_at(x))
     assert len(few) < 150
     assert root.shape == (len(few), len(few))
     np.testing.assert_array_equal(root, np.triu(root))
 
 
 def test_every_sample_counts_where_none_determines_another() -> None:
-    remainder = remainder_of(motion(60, np.random.default_rng(0)), 0.02, 1e-2)
-    x, lengths = remainder.x, remainder.lengths[0]
-    few, _, _ = compacted(x, lengths, remainder.noise[0], remainder.inputs.friction_at(x))
+    residual_gp = residual_gp_of(motion(60, np.random.default_rng(0)), 0.02, 1e-2)
+    x, lengths = residual_gp.x, residual_gp.lengths[0]
+    few, _, _ = compacted(x, lengths, residual_gp.noise[0], residual_gp.inputs.friction_at(x))
     assert len(few) == 60
 
 
 def test_a_joint_without_a_process_has_no_deviation() -> None:
     states = motion(30, np.random.default_rng(1))
-    remainder = remainder_of(states, 1.0, 0.1)
-    without = replace(remainder, lengths=remainder.lengths * np.array([[1.0], [0.0], [1.0]]))
-    std, expected = deviations_of(without, states), deviations_of(remainder, states)
+    residual_gp = residual_gp_of(states, 1.0, 0.1)
+    without = replace(residual_gp, lengths=residual_gp.lengths * np.array([[1.0], [0.0], [1.0]]))
+    std, expected = deviations_of(without, states), deviations_of(residual_gp, states)
     assert not std[:, 1].any()
     np.testing.assert_array_equal(std[:, [0, 2]], expected[:, [0, 2]])
 
 
 def test_many_states_are_evaluated_as_one_by_one() -> None:
     samples = motion(40, np.random.default_rng(2))
-    remainder = remainder_of(samples, 1.0, 0.1)
+    residual_gp = residual_gp_of(samples, 1.0, 0.1)
     q, dq, ddq = motion(1200, np.random.default_rng(3))
-    whole = deviations_of(remainder, (q, dq, ddq))
+    whole = deviations_of(residual_gp, (q, dq, ddq))
     for t in (0, 599, 600, 1199):
-        one = deviations_of(remainder, (q[t : t + 1], dq[t : t + 1], ddq[t : t + 1]))
+        one = deviations_of(residual_gp, (q[t : t + 1], dq[t : t + 1], ddq[t : t + 1]))
         np.testing.assert_array_equal(one[0], whole[t])
 
 
@@ -163,22 +163,22 @@ def test_a_state_that_is_not_a_number_has_no_deviation(part: int) -> None:
     states = [each[:1].copy() for each in samples]
     states[part][0, 0] = np.nan
     q, dq, ddq = states
-    std = deviations_of(remainder_of(samples, 1.0, 0.1), (q, dq, ddq))
+    std = deviations_of(residual_gp_of(samples, 1.0, 0.1), (q, dq, ddq))
     assert np.isnan(std).all()
 
 
 def test_variances_add_up_beside_links_and_replace_theirs_otherwise() -> None:
     samples, rng = motion(40, np.random.default_rng(6)), np.random.default_rng(7)
     of_links = rng.uniform(0.5, 2.0, samples[0].shape)
-    remainder = remainder_of(samples, 1.0, 0.1)
-    remainder = replace(
-        remainder,
-        lengths=remainder.lengths * np.array([[1.0], [0.0], [1.0]]),
+    residual_gp = residual_gp_of(samples, 1.0, 0.1)
+    residual_gp = replace(
+        residual_gp,
+        lengths=residual_gp.lengths * np.array([[1.0], [0.0], [1.0]]),
         replaces=np.array([False, False, True]),
     )
     std = of_links.copy()
-    RemainderDeviation(remainder).add_to(std, *samples)
-    own = deviations_of(remainder, samples)
+    ResidualGPDeviation(residual_gp).add_to(std, *samples)
+    own = deviations_of(residual_gp, samples)
     np.testing.assert_allclose(std[:, 0], np.hypot(of_links[:, 0], own[:, 0]), rtol=1e-12)
     np.testing.assert_array_equal(std[:, 1], of_links[:, 1])
     np.testing.assert_array_equal(std[:, 2], own[:, 2])
@@ -187,17 +187,17 @@ def test_variances_add_up_beside_links_and_replace_theirs_otherwise() -> None:
 def test_a_model_file_keeps_the_deviations(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     samples = motion(200, rng)
-    model = of_arm(random_arm(TYPES, rng), TYPES, remainder_of(samples, 1.0, 0.1))
+    model = of_arm(random_arm(TYPES, rng), TYPES, residual_gp_of(samples, 1.0, 0.1))
     model.save(tmp_path / 'arm.npz')
     states = motion(20, rng)
     loaded = InverseDynamicsModel.load(tmp_path / 'arm.npz')
     np.testing.assert_array_equal(loaded.torque_std(*states), model.torque_std(*states))
 
 
-def several(types: tuple[str, ...], seed: int) -> Remainder:
+def several(types: tuple[str, ...], seed: int) -> ResidualGP:
     """Return processes of two kinds, in place of all links but the first, few with weights."""
     rng = np.random.default_rng(seed)
-    one, n = random_remainder(types, rng), len(types)
+    one, n = random_residual_gp(types, rng), len(types)
     lengths = np.outer(1.0 + np.arange(n) % 2, one.lengths[0])
     weighted = rng.uniform(size=(len(one.x), 1)) < 0.5
     return replace(
@@ -212,15 +212,18 @@ def several(types: tuple[str, ...], seed: int) -> Remainder:
 @pytest.mark.parametrize('types', [(R,), (P, P), (R, P, R, R)])
 @pytest.mark.parametrize('seed', [0, 1])
 def test_means_are_as_defined(types: tuple[str, ...], seed: int) -> None:
-    for remainder in (random_remainder(types, np.random.default_rng(seed)), several(types, seed)):
+    for residual_gp in (
+        random_residual_gp(types, np.random.default_rng(seed)),
+        several(types, seed),
+    ):
         state = random_states(700, len(types), np.random.default_rng(seed + 2))
-        expected = torque_of_processes(remainder, *state)
-        found = RemainderMean(remainder).torque(*state)
+        expected = torque_of_processes(residual_gp, *state)
+        found = ResidualGPMean(residual_gp).torque(*state)
         np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-12)
         links = np.random.default_rng(seed).standard_normal(expected.shape)
         tau = links.copy()
-        RemainderMean(remainder).add_to(tau, *state)
-        np.testing.assert_allclose(tau, links * ~remainder.replaces + found, rtol=1e-12)
+        ResidualGPMean(residual_gp).add_to(tau, *state)
+        np.testing.assert_allclose(tau, links * ~residual_gp.replaces + found, rtol=1e-12)
 
 
 def test_correlations_at_every_distance() -> None:

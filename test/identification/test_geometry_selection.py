@@ -1,4 +1,4 @@
-"""Twists and lengths elected on a simulated Panda, whose last joint bears hardly a load."""
+"""Twists and lengths selected on a simulated Panda, whose last joint bears hardly a load."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from benchmarks._panda import run_pair
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.friction_candidates import named_candidates
-from lip_id_ros.identification.friction_election import Offer
-from lip_id_ros.identification.geometry_election import elect_geometry
+from lip_id_ros.identification.friction_selection import Offer
+from lip_id_ros.identification.geometry_selection import select_geometry
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.simulation import panda
 
@@ -33,24 +33,24 @@ def true_chain() -> Chain:
 
 
 @pytest.fixture(scope='module')
-def elected() -> tuple[ArmFitter, ArmFit]:
+def selected() -> tuple[ArmFitter, ArmFit]:
     fitter, chain = ArmFitter(run_pair(7, seed=3)[0]), true_chain()
-    fit = fitter.best_start([chain], fitter.elected(chain))
-    return fitter, elect_geometry(fitter, fitter.refined(fitter.dataset, fit))
+    fit = fitter.best_start([chain], fitter.selected(chain))
+    return fitter, select_geometry(fitter, fitter.refined(fitter.dataset, fit))
 
 
-def test_axes_of_loaded_joints_are_at_right_angles(elected: tuple[ArmFitter, ArmFit]) -> None:
-    np.testing.assert_array_equal(elected[1].geometry.twists[1:6], QUARTER)
+def test_axes_of_loaded_joints_are_at_right_angles(selected: tuple[ArmFitter, ArmFit]) -> None:
+    np.testing.assert_array_equal(selected[1].geometry.twists[1:6], QUARTER)
 
 
-def test_lengths_that_the_data_identify_stay(elected: tuple[ArmFitter, ArmFit]) -> None:
+def test_lengths_that_the_data_identify_stay(selected: tuple[ArmFitter, ArmFit]) -> None:
     """Joints 4 and 5 are 82.5 mm beside those before them; joints 2 and 3 meet theirs."""
-    np.testing.assert_array_equal(elected[1].geometry.meets[1:5], [True, True, False, False])
+    np.testing.assert_array_equal(selected[1].geometry.meets[1:5], [True, True, False, False])
 
 
-def test_the_elected_fit_has_converged(elected: tuple[ArmFitter, ArmFit]) -> None:
+def test_the_selected_fit_has_converged(selected: tuple[ArmFitter, ArmFit]) -> None:
     """Trials stop early, the fit that is returned does not."""
-    fitter, fit = elected
+    fitter, fit = selected
     assert fit.score - fitter.refined(fitter.dataset, fit).score < 1e-3
 
 
@@ -67,7 +67,7 @@ def test_what_right_geometry_gains_does_not_pay_for_wrong_geometry(seed: int) ->
     """Right angles predict better by more than axes lose that are wrongly taken to meet."""
     fitter, chain = ArmFitter(noisy(seed)), true_chain()
     # a curve that slow errors call for is no matter of the geometry
-    fit = fitter.best_start([chain], fitter.elected(chain, Offer(named_candidates, levers=True)))
-    geometry = elect_geometry(fitter, fitter.refined(fitter.dataset, fit)).geometry
+    fit = fitter.best_start([chain], fitter.selected(chain, Offer(named_candidates, levers=True)))
+    geometry = select_geometry(fitter, fitter.refined(fitter.dataset, fit)).geometry
     np.testing.assert_array_equal(geometry.twists[1:6], QUARTER)
     np.testing.assert_array_equal(geometry.meets[1:5], [True, True, False, False])

@@ -1,5 +1,5 @@
 """
-Standard deviations of a remainder from few of its samples, compiled (maths.md, section 13).
+Standard deviations of a residual GP from few of its samples, compiled (maths.md, section 13).
 
 Inducing points (Quinonero-Candela and Rasmussen 2005) by pivoted Cholesky factorisation, as many
 as keep deviations close to the exact ones. Friction in place of links has coefficients of its own
@@ -13,12 +13,12 @@ from scipy.linalg import cho_solve, cholesky, qr, solve_triangular
 from scipy.linalg.lapack import dpstrf
 
 from lip_id_ros.arrays import Array, IndexArray, IntArray
-from lip_id_ros.model.remainder import (
+from lip_id_ros.model.residual_gp import (
     correlation,
     FRICTION_VARIANCE,
     kinds_of,
     near_and_beyond,
-    Remainder,
+    ResidualGP,
     set_correlations,
     set_inputs,
     SIGN_WIDTH,
@@ -39,30 +39,30 @@ LEAST_VARIANCE = 1e-12
 """In variances of the process: posterior variances below this are rounding errors."""
 
 
-class RemainderDeviation:
+class ResidualGPDeviation:
     """
-    Posterior standard deviations of the torques of a remainder.
+    Posterior standard deviations of the torques of a residual GP.
 
     Construction finds the samples that are needed, once for all joints whose processes have the
     same length scales and noise; nothing is checked after that.
     """
 
-    def __init__(self, remainder: Remainder) -> None:
-        inputs, sizes = remainder.inputs, []
-        parameters = np.column_stack([remainder.lengths, remainder.noise])
-        different, processes = kinds_of(parameters, remainder.joints)
-        floats = [inputs.centre, 1.0 / inputs.scale, np.sqrt(remainder.variance)]
+    def __init__(self, residual_gp: ResidualGP) -> None:
+        inputs, sizes = residual_gp.inputs, []
+        parameters = np.column_stack([residual_gp.lengths, residual_gp.noise])
+        different, processes = kinds_of(parameters, residual_gp.joints)
+        floats = [inputs.centre, 1.0 / inputs.scale, np.sqrt(residual_gp.variance)]
         floats.append(1.0 / inputs.sign_width)
-        friction = inputs.friction_at(remainder.x)
+        friction = inputs.friction_at(residual_gp.x)
         for number, each in enumerate(different):
-            lengths, own = each[:-1], remainder.replaces & (processes == number)
-            x, root, rows = compacted(remainder.x, lengths, float(each[-1]), friction[:, own])
+            lengths, own = each[:-1], residual_gp.replaces & (processes == number)
+            x, root, rows = compacted(residual_gp.x, lengths, float(each[-1]), friction[:, own])
             floats += [1.0 / lengths, (x / lengths).T.ravel(), root[np.triu_indices_from(root)]]
             floats.append(rows.ravel())
             sizes.append(len(x))
         # A call from Python takes longer for every array that is passed.
         self._floats = np.concatenate(floats)
-        self._integers = np.concatenate([inputs.revolute, remainder.replaces, processes, sizes])
+        self._integers = np.concatenate([inputs.revolute, residual_gp.replaces, processes, sizes])
 
     def add_to(self, std: Array, q: Array, dq: Array, ddq: Array) -> None:
         """
@@ -145,7 +145,7 @@ def add_deviations(
     """
     Add the variances of processes to those of links and friction at N joint states.
 
-    `out`, `q`, `dq`, `ddq`, shape (N, n): as for `RemainderDeviation.add_to`. `floats`: one after
+    `out`, `q`, `dq`, `ddq`, shape (N, n): as for `ResidualGPDeviation.add_to`. `floats`: one after
     the other: centre and inverse scale of the inputs; prior standard deviations of the joints;
     inverse widths of their smooth signs; of each process, inverse length scales, its inputs of
     samples in length scales, transposed, the rows of the upper triangle of its root, and E of the

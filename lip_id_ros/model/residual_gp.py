@@ -79,7 +79,7 @@ def stored_weights(alpha: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Remainder:
+class ResidualGP:
     """
     Gaussian processes of the torques of some joints.
 
@@ -110,7 +110,7 @@ class Remainder:
         """Which joints have a process, shape (n,)."""
         return np.asarray(self.lengths.any(axis=1))
 
-    def beside_links(self) -> Remainder | None:
+    def beside_links(self) -> ResidualGP | None:
         """Return the processes beside links, without those in their place; None without any."""
         beside = self.joints & ~self.replaces
         if not beside.any():

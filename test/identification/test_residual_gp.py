@@ -18,20 +18,20 @@ from lip_id_ros.identification.process_parameters import (
     sparse_weights,
     TYPICAL,
 )
-from lip_id_ros.identification.remainder_election import (
+from lip_id_ros.identification.residual_gp_selection import (
     Fold,
     fold_masks,
-    RemainderElection,
+    ResidualGPSelection,
     Targets,
 )
-from lip_id_ros.model.remainder import (
+from lip_id_ros.model.residual_gp import (
     correlation,
     Inputs,
     near_and_beyond,
-    Remainder,
+    ResidualGP,
     stored_inputs,
 )
-from lip_id_ros.model.remainder_deviation import RemainderDeviation
+from lip_id_ros.model.residual_gp_deviation import ResidualGPDeviation
 
 N = 240
 
@@ -48,7 +48,7 @@ def masks_of(q: Array, dq: Array | None = None) -> list[tuple[BoolArray, int]]:
     return fold_masks(data, np.arange(len(q)))
 
 
-def elected(residual: Array, tau: Array) -> Remainder | None:
+def selected(residual: Array, tau: Array) -> ResidualGP | None:
     """Of a model without parameters, which leaves the same residual whatever is left out."""
     state = motion()
     masks = masks_of(*state[:2])
@@ -57,14 +57,14 @@ def elected(residual: Array, tau: Array) -> Remainder | None:
     targets = Targets(
         inputs, stored_inputs(inputs(*state)), inputs.friction(state[1]), tau, residual
     )
-    return targets.conditioned(RemainderElection(targets, folds).elect())
+    return targets.conditioned(ResidualGPSelection(targets, folds).select())
 
 
 @pytest.mark.slow
 def test_noise_has_no_process() -> None:
     for seed in range(5):
         noise = np.random.default_rng(seed).standard_normal((N, 2))
-        assert elected(noise, 10.0 * noise + motion()[0]) is None
+        assert selected(noise, 10.0 * noise + motion()[0]) is None
 
 
 @pytest.mark.slow
@@ -74,7 +74,7 @@ def test_noise_that_is_correlated_in_time_rarely_has_a_process() -> None:
     for seed in range(5):
         noise = np.random.default_rng(seed).standard_normal((N + 8, 2))
         smooth = np.stack([np.convolve(x, np.ones(9), 'valid') for x in noise.T], axis=1)
-        found = elected(smooth, 10.0 * smooth + motion()[0])
+        found = selected(smooth, 10.0 * smooth + motion()[0])
         joints += 0 if found is None else int(found.joints.sum())
     assert joints <= 1
 
@@ -85,7 +85,7 @@ def test_a_function_of_the_state_is_learned_beside_the_links() -> None:
     residual = 0.01 * rng.standard_normal((N, 2))
     residual[:, 1] += 0.3 * np.sin(2.0 * q[:, 1])
     tau = residual + 20.0 * rng.standard_normal((N, 2))
-    found = elected(residual, tau)
+    found = selected(residual, tau)
     assert found is not None
     np.testing.assert_array_equal(found.joints, [False, True])
     assert not found.replaces.any()
@@ -98,7 +98,7 @@ def test_links_are_kept_where_a_process_does_as_well_without_them() -> None:
     q = motion()[0]
     residual = 0.1 * np.random.default_rng(0).standard_normal((N, 2))
     residual[:, 1] += 0.3 * np.sin(2.0 * q[:, 1])
-    found = elected(residual, residual + np.sin(q))
+    found = selected(residual, residual + np.sin(q))
     assert found is not None
     assert found.joints[1]
     assert not found.replaces.any()
@@ -110,7 +110,7 @@ def test_links_that_explain_nothing_are_replaced() -> None:
     residual = tau.copy()
     residual[:, 0] += 5.0 * np.sin(9.0 * q[:, 0] * q[:, 1])
     residual[:, 1] = 1e-3 * np.random.default_rng(0).standard_normal(N)
-    found = elected(residual, tau)
+    found = selected(residual, tau)
     assert found is not None
     np.testing.assert_array_equal(found.replaces, [True, False])
     error = torque_of_processes(found, q, dq, ddq)[:, 0] - tau[:, 0]
@@ -123,9 +123,9 @@ def test_the_deviation_grows_away_from_the_samples() -> None:
     residual[:, 1] = 0.3 * np.sin(2.0 * q[:, 1])
     rng = np.random.default_rng(0)
     tau = residual + 20.0 * rng.standard_normal((N, 2))
-    found = elected(residual + 0.01 * rng.standard_normal((N, 2)), tau)
+    found = selected(residual + 0.01 * rng.standard_normal((N, 2)), tau)
     assert found is not None
-    deviation, near, far = RemainderDeviation(found), np.zeros((N, 2)), np.zeros((N, 2))
+    deviation, near, far = ResidualGPDeviation(found), np.zeros((N, 2)), np.zeros((N, 2))
     deviation.add_to(near, q, dq, ddq)
     deviation.add_to(far, q + 3.0, 10.0 * dq, ddq)
     assert not near[:, 0].any()
@@ -196,7 +196,7 @@ def test_a_torque_of_few_inputs_is_learned_from_them() -> None:
         inputs, inputs(*state), inputs.friction(dq[:N]), tau[:N], 3.0 * rng.standard_normal((N, 5))
     )
     folds = [Fold(out, targets.residual, k) for out, k in masks_of(q[:N], dq[:N])]
-    found = targets.conditioned(RemainderElection(targets, folds).elect())
+    found = targets.conditioned(ResidualGPSelection(targets, folds).select())
     assert found is not None
     assert found.replaces.all()
     error = torque_of_processes(found, q[N:], dq[N:], ddq[N:]) - tau[N:]
