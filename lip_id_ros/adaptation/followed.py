@@ -23,7 +23,7 @@ from lip_id_ros.friction.terms import FrictionTerm, Offset
 from lip_id_ros.joint_history import JointHistory, UNKNOWN
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.model.remainder_mean import RemainderMean
+from lip_id_ros.model.residual_gp_mean import ResidualGPMean
 from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
@@ -82,7 +82,9 @@ class FollowedArm:
         self.active: IndexArray = np.flatnonzero(root.any(axis=1) | is_friction)
         self._root = root[self.active]
         self._scale = scale_of_links(arm.links)
-        self._remainder = None if model.remainder is None else RemainderMean(model.remainder)
+        self._residual_gp = (
+            None if model.residual_gp is None else ResidualGPMean(model.residual_gp)
+        )
 
     @property
     def covariance(self) -> Array:
@@ -159,8 +161,8 @@ class FollowedArm:
         slopes = friction.load_slopes(q, dq, ddq, load, history)
         own = friction_features(friction.basis, q, dq, ddq, load, history)
         tau = load + own @ friction.coefficients
-        if self._remainder is not None:
-            self._remainder.add_to(tau, q, dq, ddq)
+        if self._residual_gp is not None:
+            self._residual_gp.add_to(tau, q, dq, ddq)
         return tau, np.concatenate([regressor + slopes @ regressor, own], axis=2)
 
     def possible(self, numbers: Array, covariance: Array) -> Array:
