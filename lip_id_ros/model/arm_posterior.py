@@ -40,21 +40,16 @@ class ArmPosterior:
     """
     Chain, links and friction of an arm with their joint covariance.
 
-    Coordinates of the covariance are, in this order: small rotations about the axes of each
-    joint's own frame and translations in its parent, joint by joint (6 n); the parameters of the
-    links (11 n); the coefficients of friction (K); the shapes of its terms, as widths of signs
-    (W, see `SignWidth`), where they are not taken as known.
-
-    `links`, shape (n, 11): parameters of bodies that can exist. `noise`: of measured torques about
-    the model. `covariance_root`, shape (17 n + K, r) or (17 n + K + W, r): S with covariance S
-    S^T.
+    Its coordinates are: small rotations about the axes of each joint's own frame and translations
+    in its parent, joint by joint (6 n); parameters of the links (11 n); coefficients of friction
+    (K); the shapes of its terms (W, see `SignWidth`), where they are not taken as known.
     """
 
     chain: Chain
-    links: Array
+    links: Array  # (n, 11), of bodies that can exist
     friction: FrictionModel
-    noise: TorqueNoise
-    covariance_root: Array
+    noise: TorqueNoise  # of measured torques about the model
+    covariance_root: Array  # S, (17 n + K (+ W), r): covariance S S^T
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """
@@ -129,13 +124,10 @@ def compacted(arm: ArmPosterior, ranges: tuple[Array, Array]) -> ArmPosterior:
     """
     Return an arm with a covariance root of as few numbers and bits as its deviations need.
 
-    Some combinations of coordinates change no torque, as a turn of a frame about its own axis. So
-    the coordinates whose torques those of others can stand for are left out (QR factorisation
-    with column pivoting: Golub and Van Loan, Matrix Computations, 4th ed., 5.4.2), and their rows
-    are zero. What remains is triangular, and is rounded to so many bits that no standard deviation
-    of a torque at random states changes by more than `MOST_CHANGE`.
-
-    `ranges`, shape (3, n): lowest and highest q, dq, ddq of the training samples.
+    Coordinates whose torques those of others can stand for have rows of zeros (QR factorisation
+    with column pivoting: Golub and Van Loan, Matrix Computations, 4th ed., 5.4.2). The rest is
+    triangular, and rounded to so many bits that no deviation of a torque at random states in the
+    ranges (3, n) of q, dq, ddq changes by more than `MOST_CHANGE`.
     """
     rng = np.random.default_rng(SEED)
     basis, checks = (_random_states(arm, ranges, rng) for _ in range(2))

@@ -33,23 +33,15 @@ class TrainingSide(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """
-    Working memory of one query.
+    """Working memory of one query: its numbers, their adjoints, and what was before every step."""
 
-    `x`, `dx`, shape (4, LANES): the numbers at hand and their time derivatives along the query.
-    `adj`, `dadj`, shape (4, LANES): adjoints of x and their time derivatives.
-    `tape`, `dtape`, shape (n_steps, 4, LANES): x and dx before every step.
-    `a`, shape (n_steps, 6, LANES): of every factor: a, D'a, d'_alpha a, and their derivatives by
-    the query's q_b.
-    """
-
-    x: Array
-    dx: Array
-    adj: Array
-    dadj: Array
-    tape: Array
-    dtape: Array
-    a: Array
+    x: Array  # (4, LANES)
+    dx: Array  # (4, LANES), time derivatives along the query
+    adj: Array  # (4, LANES)
+    dadj: Array  # (4, LANES)
+    tape: Array  # (n_steps, 4, LANES), x before every step
+    dtape: Array  # (n_steps, 4, LANES)
+    a: Array  # (n_steps, 6, LANES): a, D'a, d'_alpha a, and by q_b
 
 
 @jit

@@ -49,7 +49,7 @@ class InverseDynamicsModel:
     """
     Torques and energies of an arm, with their uncertainty.
 
-    Either an arm, whose torques may have a residual_gp, or a Gaussian process on energies.
+    Either an arm, whose torques may have a residual GP, or a Gaussian process on energies.
     `query` and `predict` use working memory of the object: give each thread a copy of its own.
 
     Attributes

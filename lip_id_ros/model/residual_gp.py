@@ -1,9 +1,9 @@
 """
 Torques that links do not explain.
 
-A Gaussian process per joint, beside the links or instead. Squared-exponential in (cosines and
-sines of) positions, velocities and accelerations with a length scale for each (Rasmussen and
-Williams 2006, section 5.1).
+A Gaussian process per joint, beside links or instead. Squared-exponential in (cosines and sines
+of) positions, velocities and accelerations with a length scale for each (Rasmussen and Williams
+2006, section 5.1).
 """
 
 from __future__ import annotations
@@ -33,17 +33,12 @@ CHECKS, SEED = 1000, 0
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """
-    Joint states as inputs of a covariance.
+    """Joint states as inputs of a covariance."""
 
-    `revolute`, shape (n,). `centre`, `scale`, shape (d,): mean and standard deviation of the
-    training samples. `sign_width`, shape (n,): of the smooth signs of friction [rad/s or m/s].
-    """
-
-    revolute: BoolArray
-    centre: Array
-    scale: Array
-    sign_width: Array
+    revolute: BoolArray  # (n,)
+    centre: Array  # (d,), mean of the training samples
+    scale: Array  # (d,), their standard deviation
+    sign_width: Array  # (n,), of smooth signs [rad/s or m/s]
 
     @classmethod
     def of(cls, revolute: BoolArray, q: Array, dq: Array, ddq: Array) -> Inputs:
@@ -80,30 +75,17 @@ def stored_weights(alpha: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ResidualGP:
-    """
-    Gaussian processes of the torques of some joints.
-
-    `x`, shape (M, d): of the training samples, by `stored_inputs`.
-    `lengths`, shape (n, d): length scales of the inputs; 0 for joints without a process.
-    `noise`, `variance`, shape (n,): variances of the noise in those of the process, and these [(N
-    m)^2 or N^2].
-    `left_out_std`, shape (n,): root mean square errors of left-out blocks of time: the noise of
-    measurements [N m or N].
-    `replaces`, shape (n,): joints whose process takes the place of links and friction.
-    `alpha`, shape (M, n): weights of the posterior mean, by `stored_weights`; zero for most
-    samples [N m or N].
-    `friction`, shape (n, 3): coefficients of `Inputs.friction` [N m or N]; zero beside links.
-    """
+    """Gaussian processes of the torques of some joints."""
 
     inputs: Inputs
-    x: Array
-    lengths: Array
-    noise: Array
-    variance: Array
-    left_out_std: Array
-    replaces: BoolArray
-    alpha: Array
-    friction: Array
+    x: Array  # (M, d), by `stored_inputs`
+    lengths: Array  # (n, d), of the inputs; 0 without a process
+    noise: Array  # (n,), variances in those of the process
+    variance: Array  # (n,), of the process [(N m)^2 or N^2]
+    left_out_std: Array  # (n,), of left-out blocks: noise [N m or N]
+    replaces: BoolArray  # (n,), whether in place of links and friction
+    alpha: Array  # (M, n), by `stored_weights`, few not 0 [N m or N]
+    friction: Array  # (n, 3), by `Inputs.friction`; 0 beside links
 
     @property
     def joints(self) -> BoolArray:

@@ -20,10 +20,8 @@ class ResidualGPMean:
     """
     Torques of a residual GP.
 
-    Processes with the same length scales share the correlations with their samples. Samples
-    without weights are left out.
-
-    `floats`, `integers`: for `add_means`.
+    Samples without weights are left out. Processes with the same length scales share the
+    correlations with their samples.
     """
 
     def __init__(self, residual_gp: ResidualGP) -> None:

@@ -35,16 +35,11 @@ class StandardDeviation:
 
 @dataclass(frozen=True)
 class TorquePrediction:
-    """
-    Torques at N joint states, and energies where the model has them.
+    """Torques at N joint states, and energies where the model has them, or None."""
 
-    `tau`, shape (N, n) [N m or N]. `kinetic`, `potential`, shape (N,), or None [J], the potential
-    energy up to a constant; None where the model has none.
-    """
-
-    tau: Array
-    kinetic: Array | None
-    potential: Array | None
+    tau: Array  # (N, n) [N m or N]
+    kinetic: Array | None  # (N,) [J]
+    potential: Array | None  # (N,), up to a constant [J]
 
 
 @dataclass(frozen=True)
@@ -75,38 +70,24 @@ class Prediction(TorquePrediction):
 
 
 class Parts(NamedTuple):
-    """
-    Parts of the torques at N joint states, and energies.
+    """Parts of the torques (N, n) at N joint states [N m or N], and energies (N,) [J]."""
 
-    `tau`, `inertial`, `coriolis`, `gravity`, `friction`, shape (N, n): the first is the sum of the
-    others [N m or N]. `kinetic`, `potential`, shape (N,) [J], the potential energy up to a
-    constant.
-    """
-
-    tau: Array
+    tau: Array  # the sum of the others
     inertial: Array
     coriolis: Array
     gravity: Array
     friction: Array
     kinetic: Array
-    potential: Array
+    potential: Array  # up to a constant
 
 
 class Query(NamedTuple):
-    """
-    Posterior mean at one joint state: a tuple, since a control loop waits for it.
+    """Posterior mean at one joint state: a tuple, since a control loop waits for it."""
 
-    `tau`, shape (n,) [N m or N].
-    `kinetic` [J].
-    `potential`: relative to the reference positions [J]; nan where the model has no potential
-    energy.
-    `gravity`, shape (n,): the gravity torques, a part of tau [N m or N].
-    """
-
-    tau: Array
-    kinetic: float
-    potential: float
-    gravity: Array
+    tau: Array  # (n,) [N m or N]
+    kinetic: float  # [J]
+    potential: float  # from the reference [J]; nan where none
+    gravity: Array  # (n,), a part of tau [N m or N]
 
 
 class TorqueModel(Protocol):

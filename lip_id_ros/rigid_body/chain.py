@@ -38,23 +38,18 @@ NO_COUPLINGS = np.zeros((0, 3))
 
 class Chain(NamedTuple):
     """
-    Placements of the joints of an arm. The z axis of a link's frame is the axis of its joint.
+    Placements of the joints of an arm.
 
-    `rotations`, shape (n, 3, 3): from each link's frame, at position zero, to that of its parent.
-    `translations`, shape (n, 3): origin of each link's frame, at position zero, in that of its
-    parent [m].
-    `prismatic`, shape (n,).
-    `gravity`, shape (3,): in the frame of the base [m/s^2]; zero where the torques leave gravity
-    out.
-    `couplings`, shape (k, 3): joint, other joint and ratio of each coupling: the joint moves by
-    its reported position plus the ratio times the reported position of the other one.
+    The z axis of a link's frame is the axis of its joint. Frames are at position zero in those of
+    the parent. A coupled joint moves by its reported position plus the ratio times that of the
+    other joint.
     """
 
-    rotations: Array
-    translations: Array
-    prismatic: BoolArray
-    gravity: Array
-    couplings: Array = NO_COUPLINGS
+    rotations: Array  # (n, 3, 3)
+    translations: Array  # (n, 3) [m]
+    prismatic: BoolArray  # (n,)
+    gravity: Array  # (3,), in the base [m/s^2]; 0 where torques leave it out
+    couplings: Array = NO_COUPLINGS  # (k, 3): joint, other joint, ratio
 
 
 @jit

@@ -75,11 +75,7 @@ def read_couplings(texts: Sequence[str], joint_names: Sequence[str]) -> tuple[Co
     """
     Return the couplings that a setting has, from texts "joint ratio other_joint".
 
-    Raises
-    ------
-    ConfigError
-        If one has another form, names an unknown joint, or contradicts the others.
-
+    ConfigError if one has another form, names an unknown joint, or contradicts the others.
     """
     found = tuple(_read(text, joint_names) for text in texts)
     if problem := contradiction(found, len(joint_names)):

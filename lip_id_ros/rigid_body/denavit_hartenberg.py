@@ -34,22 +34,18 @@ PARAMETERS, UNITS = ('twist', 'length', 'angle', 'offset'), ('deg', 'm', 'deg', 
 
 class DenavitHartenberg(NamedTuple):
     """
-    Rot_x(twist) Trans_x(length) Rot_y(tilt) Rot_z(angle) Trans_z(offset), for each joint.
+    Rot_x(twist) Trans_x(length) Rot_y(tilt) Rot_z(angle) Trans_z(offset), for each joint, (n,).
 
-    `twist`, shape (n,): angle from the axis of the joint before to this one, about their common
-    normal [rad].
-    `length`, shape (n,): distance of the two axes along the common normal [m].
-    `angle`, shape (n,): about the joint's axis at position zero [rad].
-    `offset`, shape (n,): shift along the joint's axis at position zero [m].
-    `tilt`, shape (n,): angle about the y axis [rad]: zero but where neighbouring axes are parallel
+    Twist and length are about and along the common normal from the axis before, angle and offset
+    about and along the joint's own. The tilt is zero but where neighbouring axes are parallel
     within ten degrees, and the common normal is replaced (Hayati 1983).
     """
 
-    twist: Array
-    length: Array
-    angle: Array
-    offset: Array
-    tilt: Array
+    twist: Array  # [rad]
+    length: Array  # [m]
+    angle: Array  # at position zero [rad]
+    offset: Array  # at position zero [m]
+    tilt: Array  # [rad]
 
     @property
     def reported(self) -> Array:

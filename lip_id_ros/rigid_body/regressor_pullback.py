@@ -47,20 +47,13 @@ from lip_id_ros.rigid_body.spatial import (
 
 
 class Workspace(NamedTuple):
-    """
-    Working memory: all links of a chain at one joint state.
+    """Working memory: all links of a chain at one joint state."""
 
-    `transforms`, shape (n, 4, 3). `motions`, shape (n + 1, 3, 3): row 0 is the base, row j + 1
-    link j. `arriving`, shape (n, 3, 3): motion of each link without its own joint. `units`, shape
-    (n, n, 2, 3): angular and linear velocity of link j when joint i alone moves at unit speed, at
-    (j, i). `by_units`, shape (n, 2, 3): gradients by those of one link.
-    """
-
-    transforms: Array
-    motions: Array
-    arriving: Array
-    units: Array
-    by_units: Array
+    transforms: Array  # (n, 4, 3)
+    motions: Array  # (n + 1, 3, 3), row 0 the base
+    arriving: Array  # (n, 3, 3), without the link's own joint
+    units: Array  # (n, n, 2, 3), of link j at unit speed of joint i
+    by_units: Array  # (n, 2, 3), gradients by those of one link
 
 
 @jit

@@ -54,23 +54,20 @@ class Workspace(NamedTuple):
     """
     Working memory.
 
-    All links of a chain at one joint state. Motions are with and without the link's own joint, row
-    0 the base; a frame's change is by the directions of its placement (rotation in the link,
-    translation in the parent); composites are the change of the total wrench of a link and all it
-    carries by the frame's motion without its joint; own changes, those of a link's wrench by its
-    own placement, are in its frame and in its parent's.
+    All links of a chain at one joint state. A frame changes by the directions of its placement:
+    rotation in the link, translation in the parent.
     """
 
-    transforms: Array
-    parent_motions: Array
-    motions: Array
-    wrenches: Array
-    frame_change: Array
-    motion_changes: Array
-    composites: Array
-    carried: Array
-    own_changes: Array
-    base_changes: Array
+    transforms: Array  # (n, 4, 3)
+    parent_motions: Array  # (n + 1, 3, 3), without the own joint; row 0 the base
+    motions: Array  # (n + 1, 3, 3), with it
+    wrenches: Array  # (n, 2, 3), of a link and all that it carries
+    frame_change: Array  # (6, 6), by the directions
+    motion_changes: Array  # (n, 9, 6), of motions without the own joint
+    composites: Array  # (n, 6, 9), of wrenches, by these motions
+    carried: Array  # (6, 9), composite of the next link by this motion
+    own_changes: Array  # (n, 6, 6), of a wrench by its own placement
+    base_changes: Array  # (n, 6, 6), the same in the parent's frame
 
 
 @jit
