@@ -14,10 +14,10 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_SAMPLES
-from lip_id_ros.identification.left_out_parts import LeftOut
 from lip_id_ros.identification.posterior import known_of, left_out_of, posterior
 from lip_id_ros.identification.simple_geometry import candidates, Geometry, together
 from lip_id_ros.identification.solution import left_out_at_present
+from lip_id_ros.identification.statistics import LeftOut
 from lip_id_ros.linear_algebra import normal_solution
 
 TWIST_DEVIATIONS, LENGTH_DEVIATIONS = 3.0, 2.0

@@ -19,7 +19,6 @@ from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_coordinates import friction_numbers
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_AT_ONCE
 from lip_id_ros.identification.arm_problem import ArmState
-from lip_id_ros.identification.left_out_parts import LeftOut, solved
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.simple_geometry import Geometry
@@ -32,7 +31,7 @@ from lip_id_ros.identification.solution import (
     solve,
     system_of,
 )
-from lip_id_ros.identification.statistics import TorqueStatistics
+from lip_id_ros.identification.statistics import LeftOut, solved, TorqueStatistics
 from lip_id_ros.identification.total import FOLDS, gather, Total
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.rigid_body import LINK_PARAMETERS
@@ -207,7 +206,7 @@ def jackknife_root(parts: Sequence[TorqueStatistics], prior: Array, noise_std: A
     """
     Return a root (m, K) of the parameters' covariance by leaving out parts.
 
-    Parameters are as in `left_out_parts.measure_left_out`.
+    Parameters are as in `measure_left_out`.
     """
     grams = np.array([[r.T @ r for r in part.factors] for part in parts])
     rest = grams.sum(axis=0) - grams

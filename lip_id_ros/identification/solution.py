@@ -19,9 +19,8 @@ from lip_id_ros.identification.arm_coordinates import coefficient_std, moved_cha
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.arm_system import ArmSystem, SystemState
 from lip_id_ros.identification.friction_deviations import Effects
-from lip_id_ros.identification.left_out_parts import LeftOut, measure_left_out
 from lip_id_ros.identification.simple_geometry import Geometry
-from lip_id_ros.identification.statistics import TorqueStatistics
+from lip_id_ros.identification.statistics import LeftOut, measure_left_out, TorqueStatistics
 from lip_id_ros.identification.total import FrictionDeviations, Total
 from lip_id_ros.rigid_body import Chain
 

@@ -12,9 +12,9 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
-from lip_id_ros.identification.left_out_parts import measure_left_out
 from lip_id_ros.identification.statistics import (
     contiguous_blocks,
+    measure_left_out,
     posterior,
     TorqueStatistics,
 )
