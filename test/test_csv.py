@@ -121,42 +121,14 @@ def test_rows_that_cannot_be_used_are_counted(tmp_path: Path) -> None:
         ('0,1,2\n1,1,2\n', DataError, r"^the first line .* but is '0,1,2'; add such a line"),
         ('t,q_a,q_a\n', DataError, r"^the columns of .* must have different names, but 'q_a' com"),
         ('t,q_a,tau_a\n', DataError, r'must hold rows of numbers, but has none; record some'),
-        (
-            't,q_a,tau_a\n0,1\n',
-            DataError,
-            r'^line 2 of .* must have 3 cells .* but has 2; correct',
-        ),
-        (
-            't,q_a,tau_a\n0,1,x\n',
-            DataError,
-            r"^tau_a in line 2 of .* must be a number, not 'x'; c",
-        ),
-        (
-            't,q_a,tau_a\n0,1,\n',
-            DataError,
-            r"^tau_a in line 2 of .* must be a number, not ''; cor",
-        ),
-        (
-            'q_a,tau_a\n0,1\n',
-            DataError,
-            r'must have the columns t, q_NAME, .* but t is missing be',
-        ),
-        (
-            't,a,tau_a\n0,1,1\n',
-            DataError,
-            r'must have the columns .* but q_NAME is missing beside',
-        ),
-        (
-            't,q_a,ddq_a\n0,1,1\n',
-            DataError,
-            r'must have the columns .* but dq_a is missing beside',
-        ),
+        ('t,q_a,tau_a\n0,1\n', DataError, r'^line 2 of .* must have 3 cells .* but has 2;'),
+        ('t,q_a,tau_a\n0,1,x\n', DataError, r"^tau_a in line 2 of .* must be a number, not 'x';"),
+        ('t,q_a,tau_a\n0,1,\n', DataError, r"^tau_a in line 2 of .* must be a number, not '';"),
+        ('q_a,tau_a\n0,1\n', DataError, r'must have the columns t, q_NAME, .* but t is missing'),
+        ('t,a,tau_a\n0,1,1\n', DataError, r'must have the columns .* but q_NAME is missing'),
+        ('t,q_a,ddq_a\n0,1,1\n', DataError, r'must have the columns .* but dq_a is missing'),
         ('t,q_a,dq_a,ddq_a,tau_a\n1,1,1,1,nan\n', DataError, r'^in .*log.csv, tau'),
-        (
-            't,q_a,tau_a\n0,nan,1\n',
-            SourceError,
-            r'^no row of .* can be used \(value not finite: 1',
-        ),
+        ('t,q_a,tau_a\n0,nan,1\n', SourceError, r'^no row of .* can be used \(value not finite:'),
     ],
 )
 def test_sentence_for_a_file_that_cannot_be_used(
@@ -168,9 +140,7 @@ def test_sentence_for_a_file_that_cannot_be_used(
 
 def test_sentence_for_a_file_that_is_no_text(tmp_path: Path) -> None:
     (tmp_path / 'log.csv').write_bytes(b'\xff\xfe\x00\x01' * 20)
-    with pytest.raises(
-        DataError, match=r'log.csv must be a text of numbers and commas, but is no'
-    ):
+    with pytest.raises(DataError, match=r'log.csv must be a text of numbers and commas, but is'):
         load_dataset(tmp_path / 'log.csv')
 
 
@@ -368,9 +338,7 @@ def test_efforts_of_another_name_are_named(
     tmp_path: Path, header: str, first: str, others: str
 ) -> None:
     path = log(tmp_path / 'a.csv', f'{header}\n0,1,2\n1,1,2\n')
-    message = (
-        rf'must have tau_{first} \[N m\] beside q_{first} \[rad\], but has {others}; name the c'
-    )
+    message = rf'must have tau_{first} \[N m\] beside q_{first} \[rad\], but has {others}; name'
     with pytest.raises(DataError, match=message):
         read_log(path)
 
@@ -391,7 +359,5 @@ def test_a_first_column_without_a_name_numbers_the_rows(tmp_path: Path, index: l
 
 def test_a_first_column_of_values_needs_a_name(tmp_path: Path) -> None:
     path = log(tmp_path / 'a.csv', ',t,q_b,tau_b\n0.5,0,1,2\n0.6,1,1,2\n0.7,2,1,2\n')
-    with pytest.raises(
-        DataError, match=r'first column of .* no name and begins with 0\.5, 0\.6, '
-    ):
+    with pytest.raises(DataError, match=r'first column of .* no name and begins with 0\.5, 0\.6,'):
         read_table(path)

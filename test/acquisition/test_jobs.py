@@ -262,9 +262,7 @@ def test_samples_that_cannot_be_passed_on_stay_and_a_sentence_has_the_reason(
 
     monkeypatch.setattr('lip_id_ros.acquisition.job.pass_on', full)
     work = jobs.start(Task('dataset', flatten(Config()), str(tmp_path / 'd.npz')), [samples(500)])
-    sentence = (
-        r'^the samples must be written to .* but cannot be \(No space left on device\); they'
-    )
+    sentence = r'^the samples must be written to .* but cannot be \(No space left on device\);'
     with pytest.raises(LipIdError, match=sentence):
         work.result()
     assert jobs.state.state == 'failed'

@@ -87,10 +87,7 @@ def test_a_path_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
         (str(tmp_path), r'but .* is a folder'),
         ('x' * 300, r"model_path must name a file, but 'x+' is none \(File name too long\)"),
         ('a\0b', r'model_path must name a file, but .* is none \(embedded null byte\)'),
-        (
-            str(tmp_path / 'absent' / 'model.npz'),
-            r'a folder that exists, but .*absent does not; make',
-        ),
+        (str(tmp_path / 'absent' / 'model.npz'), r'a folder that exists, but .*absent does not;'),
     ):
         with pytest.raises(ConfigError, match=sentence):
             require_writable('model_path', path)

@@ -76,9 +76,7 @@ def test_an_eigenvalue_of_zero_is_not_positive() -> None:
 
 @pytest.mark.parametrize(('model', 'data'), [(None, None), ('arm.npz', 'data.npz')])
 def test_what_is_no_model_or_data_set_is_refused(model: Any, data: Any) -> None:
-    with pytest.raises(
-        DataError, match=r'^evaluate needs a model and a Dataset, not \w+ and \w+; '
-    ):
+    with pytest.raises(DataError, match=r'^evaluate needs a model and a Dataset, not \w+ and \w+'):
         evaluate(model, data)
 
 

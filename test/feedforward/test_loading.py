@@ -63,10 +63,7 @@ def test_a_model_that_is_not_proven_is_refused(settings: ServeSettings) -> None:
             {'unexplained_percent': [9.0, 200.0, 9.0]},
             'better than the mean .* joint_2 \\(200 %\\)',
         ),
-        (
-            {'unexplained_percent': None},
-            'its file does not say on what motion it was judged; fit again',
-        ),
+        ({'unexplained_percent': None}, 'its file does not say on what motion it was judged;'),
     ):
         replace(MODEL, summary={**JUDGED, **changed}).save(settings.model_path)
         sentence = (

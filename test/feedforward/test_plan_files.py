@@ -96,9 +96,7 @@ def test_topics_of_a_bag(tmp_path: Path) -> None:
     assert len(read_plans(bag, '/two')) == 1
     with pytest.raises(ConfigError, match='has plans on /one, /two; name one topic'):
         read_plans(bag)
-    with pytest.raises(
-        ConfigError, match=r'has no .*JointTrajectory on /three, but on /one, /two'
-    ):
+    with pytest.raises(ConfigError, match=r'has no .*JointTrajectory on /three, but on /one, /tw'):
         read_plans(bag, '/three')
     write_mcap(bag, [])
     with pytest.raises(SourceError, match=r'must hold a .*JointTrajectory, but has none'):

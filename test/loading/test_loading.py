@@ -88,16 +88,12 @@ def test_a_bare_data_set_has_the_joint_types_of_the_settings(tmp_path: Path) -> 
 
 def test_other_joints_are_reported(bag: Path, tmp_path: Path) -> None:
     other = write_bag(tmp_path / 'other', ('a', 'b'))
-    with pytest.raises(
-        DataError, match=r'^sources must have the same joints, not shoulder, elbow'
-    ):
+    with pytest.raises(DataError, match=r'^sources must have the same joints, not shoulder,'):
         load_dataset([bag, other])
 
 
 def test_no_source_is_reported() -> None:
-    with pytest.raises(
-        SourceError, match=r'^at least one recording or data set is needed, but no'
-    ):
+    with pytest.raises(SourceError, match=r'^at least one recording or data set is needed, but n'):
         load_dataset([])
 
 

@@ -75,10 +75,7 @@ def test_serve_takes_the_limits_of_the_topic_when_it_is_activated(
     for message, sentence in (
         (String(data='/dev/zero'), "but '/dev/zero' came; correct its publisher."),
         (String(data='<robot'), '/robot_description is not a URDF'),
-        (
-            described(_12='0'),
-            "joint 'panda_joint5' in /robot_description was expected to be above",
-        ),
+        (described(_12='0'), "joint 'panda_joint5' in /robot_description was expected to be"),
     ):
         descriptions.publish(message)
         status = client.status('serve', lambda status: sentence in status['summary'])  # noqa: B023

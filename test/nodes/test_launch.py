@@ -177,12 +177,7 @@ SERVE = '/**/serve: {ros__parameters: {torque_limits: [100.0]}}'
 @pytest.mark.parametrize(
     ('name', 'content', 'arguments', 'sentence'),
     [
-        (
-            'serve',
-            SERVE,
-            ['params_file:=absent.yaml'],
-            'params_file must be a file, there is none',
-        ),
+        ('serve', SERVE, ['params_file:=absent.yaml'], 'params_file must be a file, there is'),
         ('serve', '', [], 'its sections are: none; name one /**/serve'),
         ('serve', SERVE.replace('/serve', '/sevre'), [], 'its sections are: /**/sevre; name one'),
         ('serve', SERVE, ['namespace:=left', 'torque_limits:=[1.0]'], 'torque_limits is not a la'),

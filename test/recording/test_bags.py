@@ -44,9 +44,7 @@ def test_unknown_type_is_read_as_the_bag_defines_it(tmp_path: Path) -> None:
 
 
 def test_unreadable_definition_is_reported(tmp_path: Path) -> None:
-    sentence = (
-        r'^the definition of odd/msg/Odd on /odd in .* cannot be read \(.*\); choose another'
-    )
+    sentence = r'^the definition of odd/msg/Odd on /odd in .* cannot be read \(.*\); choose'
     with (
         Bag(odd_bag(tmp_path / 'bag', '?! = {')) as bag,
         pytest.raises(SourceError, match=sentence),

@@ -223,9 +223,7 @@ def test_missing_joint_is_reported(tmp_path: Path) -> None:
 
 def test_nan_everywhere_is_reported(tmp_path: Path) -> None:
     path = write_folder(tmp_path / 'bag', moving(3, effort=(float('nan'), 1.0)))
-    sentence = (
-        r'can be used \(3 value not finite; some values of shoulder are not finite\); record'
-    )
+    sentence = r'can be used \(3 value not finite; some values of shoulder are not finite\);'
     with pytest.raises(SourceError, match=sentence):
         read_bag(path)
     assert read(path, joints=('elbow',)).n_samples == 3

@@ -159,9 +159,7 @@ def test_friction_acts_against_the_motion_and_leaves_the_energies(pendulum: Simu
 @needs_pinocchio
 @pytest.mark.parametrize('n_joints', [0, 10])
 def test_more_joints_than_the_robot_has(n_joints: int) -> None:
-    with pytest.raises(
-        DataError, match=rf'{n_joints} joints were asked of .*panda.urdf, .* has 9'
-    ):
+    with pytest.raises(DataError, match=rf'{n_joints} joints were asked of .*panda.urdf, .*'):
         panda(n_joints)
 
 
