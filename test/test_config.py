@@ -73,9 +73,7 @@ def config_file(tmp_path: Path) -> Path:
         ('gains', 1.0, 'a list of numbers >= 0'),
     ],
 )
-def test_wrong_value_is_refused_wherever_it_comes_from(
-    name: str, value: object, expected: str
-) -> None:
+def test_wrong_value_is_refused_everywhere(name: str, value: object, expected: str) -> None:
     sentence = re.escape(f'Example.{name} must be {expected}, not {value!r}.')
     with pytest.raises(ConfigError, match=f'^{sentence}$'):
         Example(**{name: value})  # type: ignore[arg-type]
@@ -247,9 +245,7 @@ def test_documented_example_in_the_repository_is_up_to_date() -> None:
         ('fit: {seed: 2001-01-01}', 'must be a whole number'),
     ],
 )
-def test_hostile_settings_are_refused_with_a_sentence(
-    tmp_path: Path, text: str, sentence: str
-) -> None:
+def test_hostile_settings_are_refused(tmp_path: Path, text: str, sentence: str) -> None:
     path = tmp_path / 'fit.yaml'
     path.write_text(text, errors='surrogateescape')
     with pytest.raises(ConfigError, match=sentence) as caught:

@@ -88,9 +88,7 @@ STATUSES: Mapping[str, Callable[[pytest.TempPathFactory], Mapping[str, Any]]] = 
 
 
 @pytest.mark.parametrize('node', STATUSES)
-def test_every_key_of_a_status_is_described(
-    node: str, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_keys_of_statuses(node: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     _, _, section = INTERFACES.partition(f'### `ros2 run lip_id_ros {node}`\n')
     words = set(re.findall(r'\w+', section.partition('\n### ')[0]))
     missing = set(STATUSES[node](tmp_path_factory)) - words

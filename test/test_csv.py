@@ -334,9 +334,7 @@ def test_cell_that_only_python_takes_for_a_number_is_named(tmp_path: Path, cell:
         ('t,q_a_deg,torque_a', 'a_deg', 'torque_a'),
     ],
 )
-def test_efforts_of_another_name_are_named(
-    tmp_path: Path, header: str, first: str, others: str
-) -> None:
+def test_other_names_of_efforts(tmp_path: Path, header: str, first: str, others: str) -> None:
     path = log(tmp_path / 'a.csv', f'{header}\n0,1,2\n1,1,2\n')
     message = rf'must have tau_{first} \[N m\] beside q_{first} \[rad\], but has {others}; name'
     with pytest.raises(DataError, match=message):

@@ -108,9 +108,7 @@ JSON = st.recursive(
 
 @pytest.mark.slow
 @given(header=st.dictionaries(st.text(), JSON))
-def test_npz_round_trip(
-    header: dict[str, object], tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_round_trip(header: dict[str, object], tmp_path_factory: pytest.TempPathFactory) -> None:
     path = tmp_path_factory.mktemp('npz') / 'without_suffix'
     write_npz(path, ARRAYS, header)
     arrays, read = read_npz(path)
@@ -174,9 +172,7 @@ def test_a_flipped_bit_is_seen_or_harmless(
 
 
 @given(content=st.binary(max_size=200))
-def test_random_bytes_are_refused(
-    content: bytes, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_random_bytes_fail(content: bytes, tmp_path_factory: pytest.TempPathFactory) -> None:
     check_refused(tmp_path_factory.mktemp('npz') / 'file', content, 'not an npz archive')
 
 
@@ -212,9 +208,7 @@ def test_a_pipe_is_written_to(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ['pipe']
 
 
-def test_standard_output_is_written_to_even_where_it_is_a_file(
-    capfd: pytest.CaptureFixture[str],
-) -> None:
+def test_standard_output_that_is_a_file_goes_on(capfd: pytest.CaptureFixture[str]) -> None:
     sys.stdout.write('before\n')
     write_atomically('/dev/stdout', write_new)
     assert capfd.readouterr().out == 'before\nnew'
@@ -250,9 +244,7 @@ def test_a_name_of_the_greatest_length_can_be_written(tmp_path: Path) -> None:
     assert path.read_bytes() == b'new'
 
 
-def test_a_result_is_rescued_where_the_disk_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_result_is_rescued(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr('tempfile.tempdir', str(tmp_path))
 
     def write(path: str | os.PathLike[str]) -> None:
@@ -346,9 +338,7 @@ def test_a_disk_that_fails_is_not_a_damaged_file(
     assert failed.value.errno == number
 
 
-def test_a_file_system_without_locks_is_written_to(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_without_locks_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def unsupported(*values: object) -> None:
         raise OSError(errno.ENOLCK, 'No locks available')
 

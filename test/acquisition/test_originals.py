@@ -70,9 +70,7 @@ def assert_same(found: list[JointMessage], expected: list[JointMessage]) -> None
 @pytest.mark.parametrize('large_bytes', [spill.LARGE_BYTES, 0])
 @hyp.settings(max_examples=40)
 @hyp.given(st.lists(messages(), max_size=12))
-def test_a_kept_bag_has_each_message_as_it_came(
-    large_bytes: int, stream: list[JointMessage]
-) -> None:
+def test_a_bag_has_each_message_as_it_came(large_bytes: int, stream: list[JointMessage]) -> None:
     stream.sort(key=lambda message: message.stamp_ns)
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
         patch.setattr(spill, 'LARGE_BYTES', large_bytes)

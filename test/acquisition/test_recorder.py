@@ -175,9 +175,7 @@ def test_unsaved_samples_are_kept_where_the_path_names_no_file(
     assert tmp_path in kept.resolve().parents
 
 
-def test_samples_go_elsewhere_where_the_folder_is_gone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_samples_go_elsewhere_if_need_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A name that others can foresee in a folder that all may write is theirs to take."""
     (tmp_path / 'unsaved.mcap').symlink_to(tmp_path / 'trap')
     monkeypatch.setattr('tempfile.tempdir', str(tmp_path))

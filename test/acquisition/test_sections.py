@@ -164,9 +164,7 @@ GOOD = st.builds(
 
 
 @given(st.lists(ANY | GOOD, max_size=60), st.sampled_from([NAMES, ()]), st.integers(1, 40))
-def test_whatever_comes_is_kept_or_counted(
-    stream: list[Any], joints: tuple[str, ...], max_rows: int
-) -> None:
+def test_all_is_kept_or_counted(stream: list[Any], joints: tuple[str, ...], max_rows: int) -> None:
     sections = Sections(joints, max_rows)
     for came, each in enumerate(stream, start=1):
         sections.add(from_joint_state(each))

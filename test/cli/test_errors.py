@@ -185,9 +185,7 @@ def test_models(
     assert set(here.iterdir()) == before
 
 
-def test_a_data_set_without_a_joint_of_the_model(
-    workshop: Workshop, here: Path, capsys: Capture
-) -> None:
+def test_a_data_set_that_lacks_a_joint(workshop: Workshop, here: Path, capsys: Capture) -> None:
     swing(1).with_joints(('shoulder', 'elbow')).save('data.npz')
     for command in MODEL_VERBS[:2]:
         words = {'MODEL': str(workshop.model), 'BAG': 'data.npz'}

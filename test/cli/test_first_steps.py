@@ -56,9 +56,7 @@ def test_the_demo_learns_an_arm_and_opens_its_report(
     ('line', 'expected'),
     [('lip_id ins', {'inspect '}), ('lip_id demo --no', {'--no-browser '})],
 )
-def test_the_shell_completes_verbs_and_options(
-    tmp_path: Path, line: str, expected: set[str]
-) -> None:
+def test_the_shell_completes_the_verbs(tmp_path: Path, line: str, expected: set[str]) -> None:
     answer = tmp_path / 'answer'
     ran = run(
         *(sys.executable, '-m', 'lip_id_ros'),

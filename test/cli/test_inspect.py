@@ -64,9 +64,7 @@ def test_only_recordings_can_be_drawn(here: Path, capsys: Capture) -> None:
     assert not (here / 'out').exists()
 
 
-def test_inspect_tells_a_bag_a_data_set_and_a_model(
-    workshop: Workshop, here: Path, capsys: Capture
-) -> None:
+def test_inspect_tells_kinds_of_files(workshop: Workshop, here: Path, capsys: Capture) -> None:
     lip_id('dataset', workshop.bag, '-o', 'data.npz')
     capsys.readouterr()
     kinds = {}

@@ -213,9 +213,7 @@ def bag(here: Path) -> str:
 
 
 @pytest.mark.slow
-def test_names_are_data_everywhere(
-    workshop: Workshop, bag: str, here: Path, capsys: Capture
-) -> None:
+def test_names_are_mere_data(workshop: Workshop, bag: str, here: Path, capsys: Capture) -> None:
     for arguments in (
         ('inspect', bag, '--report', 'health'),
         ('fit', bag, '-o', 'm.npz', '--config', str(workshop.settings)),

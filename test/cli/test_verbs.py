@@ -93,9 +93,7 @@ def test_held_out_samples_are_the_last_and_are_not_learned_from(
 
 
 @pytest.mark.slow
-def test_evaluate_writes_figures_and_report(
-    workshop: Workshop, here: Path, capsys: Capture
-) -> None:
+def test_evaluate_writes_its_report(workshop: Workshop, here: Path, capsys: Capture) -> None:
     lip_id(
         'evaluate', workshop.model, workshop.other_bag, '--json', 'figures.json', '--report', 'out'
     )
@@ -111,9 +109,7 @@ def test_evaluate_writes_figures_and_report(
     assert 'samples of the same recording' not in page
 
 
-def test_evaluating_the_training_data_is_said_plainly(
-    workshop: Workshop, here: Path, capsys: Capture
-) -> None:
+def test_evaluating_training_data_is_told(workshop: Workshop, here: Path, capsys: Capture) -> None:
     lip_id('evaluate', workshop.model, workshop.bag, '--report', 'out')
 
     sentence = 'The model was fitted on samples of the same recording'
@@ -172,9 +168,7 @@ def test_predict_writes_mcap(workshop: Workshop, here: Path) -> None:
     assert Dataset.load('again.npz').joint_names == ('shoulder', 'elbow', 'wrist')
 
 
-def test_dataset_keeps_its_joints_and_types(
-    workshop: Workshop, here: Path, capsys: Capture
-) -> None:
+def test_dataset_keeps_joints_and_types(workshop: Workshop, here: Path, capsys: Capture) -> None:
     lip_id('dataset', workshop.bag, workshop.other_bag, '-o', 'data.npz', '--joints', 'wrist')
 
     data = Dataset.load('data.npz')
@@ -193,9 +187,7 @@ def test_a_csv_data_set_is_a_source(workshop: Workshop, here: Path) -> None:
 
 
 @pytest.mark.slow
-def test_fit_says_what_is_wrong_with_its_recordings(
-    workshop: Workshop, here: Path, capsys: Capture
-) -> None:
+def test_fit_tells_flaws_of_recordings(workshop: Workshop, here: Path, capsys: Capture) -> None:
     broken = swing(0, rate=50.0)
     write_bag('broken', replace(broken, dq=57.3 * broken.dq), start=1.7e9)
 
@@ -293,9 +285,7 @@ def test_a_terminal_of_few_characters_shows_escapes(here: Path) -> None:
 
 
 @pytest.mark.slow
-def test_an_output_is_replaced_by_its_own_kind_and_with_force_by_any(
-    workshop: Workshop, here: Path
-) -> None:
+def test_an_output_is_replaced_by_its_kind_or_with_force(workshop: Workshop, here: Path) -> None:
     for _ in range(2):
         lip_id('dataset', workshop.bag, '-o', 'data.npz')
         lip_id('dataset', workshop.bag, '-o', 'data.csv')

@@ -180,9 +180,7 @@ def test_limits_are_kept_to_the_last_digit() -> None:
         ),
     ],
 )
-def test_a_bad_plan_is_refused_and_the_one_before_goes_on(
-    points: list[Point], sentence: str
-) -> None:
+def test_a_bad_plan_leaves_the_one_before_going_on(points: list[Point], sentence: str) -> None:
     controller = following()
     with pytest.raises(RefusedError, match=sentence):
         controller.take(points)

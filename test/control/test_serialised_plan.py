@@ -39,9 +39,7 @@ def plan(n_points: int, names: tuple[str, ...], has_effort: bool, frame: str) ->
 
 
 @given(st.integers(1, 5), st.permutations([*NAMES, 'x']), st.booleans(), FRAMES)
-def test_bytes_are_read_as_points_are(
-    n_points: int, names: list[str], has_effort: bool, frame: str
-) -> None:
+def test_bytes_are_points(n_points: int, names: list[str], has_effort: bool, frame: str) -> None:
     message, order = plan(n_points, tuple(names), has_effort, frame), JointOrder(NAMES)
     read = read_serialised(serialize_message(message), order, 10)
     expected = read_points(order, names, message.points)

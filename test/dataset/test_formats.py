@@ -97,9 +97,7 @@ def test_incomplete_file_is_refused(tmp_path: Path, arrays: dict[str, Any], sent
         ({'q': 1.0}, r'^in .*bare.npz, q must have shape \(samples, joints\)'),
     ],
 )
-def test_contradicting_file_is_refused(
-    tmp_path: Path, arrays: dict[str, Any], sentence: str
-) -> None:
+def test_contradiction_is_refused(tmp_path: Path, arrays: dict[str, Any], sentence: str) -> None:
     whole = dict.fromkeys(('q', 'dq', 'ddq', 'tau'), np.zeros((2, 1)))
     np.savez(tmp_path / 'bare.npz', **(whole | arrays))
     with pytest.raises(DataError, match=sentence):

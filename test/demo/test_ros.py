@@ -108,9 +108,7 @@ def as_on_the_wire(message: Any, kind: str) -> bytes:
     raise AssertionError(f'{kind} cannot be read back')
 
 
-def test_answers_are_judged_against_the_truth(
-    moved: tuple[Dataset, Dataset], tmp_path: Path
-) -> None:
+def test_answers_are_judged_by_the_truth(moved: tuple[Dataset, Dataset], tmp_path: Path) -> None:
     exact, measured = moved
     content = served_messages(exact, measured)
     path = write(tmp_path / 'bag', content)

@@ -23,9 +23,7 @@ EFFORTS = st.floats(1e-3, 1e6)
         ('ur10_robot.urdf', (330.0, 330.0, 150.0, 54.0, 54.0, 54.0)),
     ],
 )
-def test_limits_are_those_of_real_files(
-    name: str, expected: tuple[float, ...], shared_data: Path
-) -> None:
+def test_limits_of_real_files(name: str, expected: tuple[float, ...], shared_data: Path) -> None:
     text = (shared_data / 'urdf' / name).read_text()
     assert effort_limits(text, name, ARMS[name]) == expected
     assert effort_limits(text, name, ARMS[name][::-1]) == expected[::-1]

@@ -49,9 +49,7 @@ def test_joints_predicted_no_better_than_by_their_mean_are_named() -> None:
 
 
 @pytest.mark.parametrize('errors', [(89.0, 0.1, math.nan), (None, 0.0, 5.0), ()])
-def test_a_model_that_explains_something_is_not_warned_of(
-    errors: tuple[float | None, ...],
-) -> None:
+def test_a_model_that_explains_something_is_no_caution(errors: tuple[float | None, ...]) -> None:
     assert no_better_than_mean(NAMES, errors) == []
 
 
@@ -82,9 +80,7 @@ def test_a_constant_torque_has_no_share() -> None:
 
 
 @pytest.mark.parametrize('more', [{}, {'unexplained_left_out': [2.0, 2.0, 2.0]}])
-def test_errors_on_left_out_blocks_count_where_they_exceed_the_noise(
-    more: dict[str, list[float]],
-) -> None:
+def test_errors_on_left_out_blocks_count_beyond_the_noise(more: dict[str, list[float]]) -> None:
     """Those of predictions, where what the fit leaves with its signs is another number."""
     model, data = small_model(), training()
     name = 'unpredicted_left_out' if more else 'unexplained_left_out'

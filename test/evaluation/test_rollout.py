@@ -184,9 +184,7 @@ def test_links_without_inertia_are_refused() -> None:
 
 
 @pytest.mark.slow
-def test_the_very_arm_of_a_recording_follows_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_arm_of_a_recording_follows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     arm = arm_with(0.2)
     model_of(arm).save('arm.npz')

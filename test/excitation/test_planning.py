@@ -26,9 +26,7 @@ def found() -> lip.ExcitingMotion:
     return lip.design_motion(QUICK, ARM)
 
 
-def test_a_designed_motion_is_better_than_all_that_it_was_chosen_from(
-    found: lip.ExcitingMotion,
-) -> None:
+def test_a_designed_motion_is_better_than_those_drawn(found: lip.ExcitingMotion) -> None:
     assert found.design.criterion < found.design.random_criteria.min()
     to_mean, to_best = found.gains
     assert to_mean < to_best < 1.0
@@ -128,9 +126,7 @@ def test_bag_has_the_message(tmp_path: Path, found: lip.ExcitingMotion) -> None:
     )
 
 
-def test_csv_has_a_column_for_each_signal_of_each_joint(
-    tmp_path: Path, found: lip.ExcitingMotion
-) -> None:
+def test_csv_has_a_column_for_each_signal(tmp_path: Path, found: lip.ExcitingMotion) -> None:
     path = tmp_path / 'motion.csv'
     found.save(path)
     assert is_motion(path)

@@ -76,9 +76,7 @@ def test_a_plan_stays_within_limits_and_rates(tau: Array, scale: float) -> None:
 
 
 @given(ROWS, st.floats(0.0, 1.0))
-def test_what_is_within_limits_is_only_scaled_and_the_rest_counted(
-    tau: Array, scale: float
-) -> None:
+def test_what_is_within_limits_is_scaled_the_rest_counted(tau: Array, scale: float) -> None:
     counts: Counter[str] = Counter()
     safe = planned(shaper(counts, torque_limits=LIMITS, output_scale=scale), tau, np.arange(6.0))
     within = (np.abs(scale * tau) <= LIMITS).all(axis=1)

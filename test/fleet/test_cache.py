@@ -70,9 +70,7 @@ def test_fits_that_run_at_once_see_whole_entries(tmp_path: Path) -> None:
     assert [each.path.name for each in entries(tmp_path)] == [KEY]
 
 
-def test_another_version_of_the_code_reads_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_version_reads_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     FolderCache(tmp_path)[KEY] = CONTENT
     monkeypatch.setattr(cache, 'code_version', lambda: 'another')
     later = FolderCache(tmp_path)

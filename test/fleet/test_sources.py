@@ -62,9 +62,7 @@ def test_patterns_name_files_or_bags(bags: Path) -> None:
     assert names(find([f'{bags}/arm*/run', f'{bags}/arm1']), bags) == ['arm1/run', 'arm2/run']
 
 
-def test_addresses_are_written_as_they_were_given(
-    bags: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_addresses_are_written_as_given(bags: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(bags)
     assert [each.name for each in find(['arm1'])] == ['arm1/run']
     with find(['arm1'])[0].local() as path:

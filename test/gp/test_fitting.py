@@ -99,9 +99,7 @@ def test_summary() -> None:
         ({'kernel': 'recursive', 'iterations': 3, 'seed': 7}, 'did not use fit.seed: '),
     ],
 )
-def test_settings_that_a_fit_does_not_use_are_named(
-    settings: dict[str, Any], sentence: str | None
-) -> None:
+def test_settings_without_use_are_named(settings: dict[str, Any], sentence: str | None) -> None:
     model = fit(samples(100), FitSettings(**settings))
     found = [text for text in fit_cautions(model) if 'not use' in text]
     assert len(found) == (sentence is not None)

@@ -89,9 +89,7 @@ def test_values_are_likelihoods_of_the_matrix_with_another_vector() -> None:
     np.testing.assert_allclose(np.diff(found), np.diff(expected), atol=1e-9)
 
 
-def test_each_joint_is_judged_with_the_widths_found_before(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_each_joint_is_judged_with_widths_found_before(monkeypatch: pytest.MonkeyPatch) -> None:
     data = with_friction([0.01, 0.4])
     kernel = make_kernel(data, FitSettings(kernel='recursive'), 'recursive')
     at = initial_hyperparameters(kernel, data)

@@ -95,9 +95,7 @@ def test_a_large_residual_that_spoils_nothing_is_kept() -> None:
 
 
 @pytest.mark.parametrize(('joints', 'is_left_out'), [((0, 1), True), ((0, 1, 2), False)])
-def test_what_most_of_the_time_contradicts_is_no_exception(
-    joints: Sequence[int], is_left_out: bool
-) -> None:
+def test_what_is_usual_is_no_exception(joints: Sequence[int], is_left_out: bool) -> None:
     """Joints are pushed in turn, a quarter of the time each: of most of it nobody knows."""
     arm, dataset = recorded(0)
     tau = dataset.tau.copy()
@@ -122,9 +120,7 @@ def test_a_load_in_about_half_of_the_samples_is_noticed(share: float, agree: boo
     assert halves_agree(*calibrated(arm, mixed)) == agree
 
 
-def test_the_error_of_a_gain_is_that_of_the_parts_that_are_judged(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_error_of_a_gain_is_that_of_judged_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of six parts of the time, three have no samples of the half that is judged."""
     gains: list[tuple[Array, Gain]] = []
 

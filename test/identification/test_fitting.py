@@ -43,9 +43,7 @@ ONES = np.ones(4)
         ([0.01, 0.01, 0.01, 0.5], False),
     ],
 )
-def test_efforts_are_explained_where_all_and_each_are(
-    residual: list[float], *, explains: bool
-) -> None:
+def test_efforts_are_explained_together(residual: list[float], *, explains: bool) -> None:
     scale = EffortScale(ONES, np.array(residual), 0.1 * ONES, ONES, ONES)
     assert scale.explains == explains
 

@@ -78,9 +78,7 @@ def test_a_rest_is_one_sample_repeated() -> None:
 
 @settings(max_examples=20)
 @given(st.integers(1, 60), st.integers(1, 8), st.floats(0.5, 50.0))
-def test_every_sample_has_a_fold_and_every_fold_a_sample(
-    samples: int, count: int, period: float
-) -> None:
+def test_every_sample_has_a_fold_and_all_of_them(samples: int, count: int, period: float) -> None:
     data = moved(period, samples / RATE_HZ + 1e-9)
     fold = recurrent_folds(data, count)
     assert fold.shape == (data.n_samples,)

@@ -47,9 +47,7 @@ def test_what_samples_do_not_show_is_not_taken_for_known() -> None:
 
 
 @pytest.mark.parametrize(('groups', 'factor'), [('aabbcc', 2.26), ('abcdef', 1.32)])
-def test_deviations_between_robots_are_as_certain_as_robots_are_many(
-    groups: str, factor: float
-) -> None:
+def test_deviations_between_robots_grow_certain_with_them(groups: str, factor: float) -> None:
     arm = arm_of()
     rng = np.random.default_rng(0)
     data = [recording(arm, friction_of(arm, rng, 0.0), k) for k in range(len(groups))]

@@ -47,9 +47,7 @@ def remembered(model: InverseDynamicsModel, states: States, t: Array | None = No
     return np.asarray(model.predict(*states, t).tau - single)
 
 
-def test_an_arm_that_stands_is_held_by_the_friction_of_its_last_motion(
-    model: InverseDynamicsModel,
-) -> None:
+def test_an_arm_that_stands_is_held_by_its_last_friction(model: InverseDynamicsModel) -> None:
     t, (q, dq, _) = motion(model)
     states = np.vstack([q, np.tile(q[-1], (50, 1))]), np.pad(dq, ((0, 50), (0, 0))), 0.0 * q
     states = states[0], states[1], np.zeros_like(states[0])
@@ -77,9 +75,7 @@ def test_a_motion_that_is_under_way_has_coulomb_friction_from_its_first_row(
 
 
 @pytest.mark.parametrize('step_s', [1.0, 0.53])
-def test_a_stream_of_few_states_has_coulomb_friction(
-    model: InverseDynamicsModel, step_s: float
-) -> None:
+def test_a_short_stream_has_coulomb_friction(model: InverseDynamicsModel, step_s: float) -> None:
     _, states = motion(model)
     memory = model.running_memory()
     assert memory is not None
@@ -88,9 +84,7 @@ def test_a_stream_of_few_states_has_coulomb_friction(
         assert abs(memory.torque(row, k * step_s)[0]) < 1e-3 * STRENGTH  # beside that of its sign
 
 
-def test_angles_that_are_reported_within_a_turn_are_the_same_motion(
-    model: InverseDynamicsModel,
-) -> None:
+def test_angles_within_a_turn_are_the_same_motion(model: InverseDynamicsModel) -> None:
     t, (q, dq, ddq) = motion(model)
     wrapped = np.where(q > 0.5, q - 2.0 * np.pi, q)
     plain, turned = (remembered(model, (x, dq, ddq), t) for x in (q, wrapped))

@@ -282,9 +282,7 @@ def judged(watching: Monitor, messages: list[JointMessage]) -> tuple[Level, str]
         ),
     ],
 )
-def test_a_blind_monitor_is_an_error(
-    path: str, messages: list[JointMessage], summary: str
-) -> None:
+def test_a_blind_monitor_errs(path: str, messages: list[JointMessage], summary: str) -> None:
     watching = monitor(path)
     assert judged(watching, messages) == (Level.ERROR, summary)
     values = watching.values()

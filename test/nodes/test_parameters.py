@@ -45,9 +45,7 @@ def node() -> Iterator[Node]:
         ('max_plan_points', KINDS.INTEGER, 10_000),
     ],
 )
-def test_types_are_those_of_the_table(
-    node: Node, name: str, kind: Parameter.Type, value: object
-) -> None:
+def test_types_of_the_table(node: Node, name: str, kind: Parameter.Type, value: object) -> None:
     assert node.describe_parameter(name).type == kind.value
     assert node.get_parameter(name).type_ == kind
     assert node.get_parameter(name).value == value

@@ -62,9 +62,7 @@ def ur10_model(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> s
     return str(path)
 
 
-def test_a_ur10_is_served_its_own_validation_trajectory(
-    ros: Ros, shared_data: Path, ur10_model: str
-) -> None:
+def test_a_ur10_is_served_its_own_plan(ros: Ros, shared_data: Path, ur10_model: str) -> None:
     graph, client = ros
     graph.start('serve', model_path=ur10_model, torque_limits=[330.0] * 2 + [150.0] + [56.0] * 3)
     plans = client.listen(JointTrajectory, '/serve/trajectory_with_effort')
@@ -89,9 +87,7 @@ PANDA_JOINTS = tuple(f'fer_joint{number}' for number in range(1, 8))
 PANDA_LIMITS = [87.0] * 4 + [12.0] * 3
 
 
-def test_a_panda_is_recorded_fitted_and_served(
-    ros: Ros, shared_data: Path, tmp_path: Path
-) -> None:
+def test_a_panda_is_recorded_and_served(ros: Ros, shared_data: Path, tmp_path: Path) -> None:
     """docs/tutorials/record-fit-serve.md, at ten times the speed and with a smaller fit."""
     graph, client = ros
     path = tmp_path / 'panda.yaml'

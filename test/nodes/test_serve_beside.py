@@ -45,9 +45,7 @@ def test_the_reference_of_a_running_controller_is_followed(ros: Ros, model_path:
     client.status('serve', lambda status: status['refused'] == {'wrong length': 1})
 
 
-def test_parts_and_standard_deviations_are_published_where_asked_for(
-    ros: Ros, model_path: str
-) -> None:
+def test_parts_and_deviations_are_published_if_asked_for(ros: Ros, model_path: str) -> None:
     graph, client = ros
     start_serve(
         graph,

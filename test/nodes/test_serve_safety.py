@@ -185,9 +185,7 @@ def test_enable_answers_by_its_effect(ros: Ros, model_path: str) -> None:
     assert enabled == 'enabled; the node is unconfigured and answers nothing until it is active'
 
 
-def test_a_configuration_that_fails_is_an_error_in_the_diagnostics(
-    ros: Ros, foreign_model_path: str
-) -> None:
+def test_a_configuration_that_fails_is_diagnosed(ros: Ros, foreign_model_path: str) -> None:
     graph, client = ros
     start_serve(graph, model_path=foreign_model_path, joints=list(toy.JOINTS))
     diagnostics = client.listen(DiagnosticArray, '/diagnostics')

@@ -196,9 +196,7 @@ def test_messages_that_wait_at_the_end_are_kept(ros: Ros, tmp_path: Path, execut
     assert 'kept 20 unsaved samples in unsaved.mcap' in train.log
 
 
-def test_what_was_recorded_outlives_a_failed_fit_and_one_that_is_cut_off(
-    ros: Ros, tmp_path: Path
-) -> None:
+def test_what_was_recorded_outlives_fits_that_fail(ros: Ros, tmp_path: Path) -> None:
     graph, client = ros
     train = graph.start('train', record_on_start=True, model_path='absent/model.npz')
     answer = client.trigger('/train/fit')

@@ -152,9 +152,7 @@ def test_the_page_of_a_fleet_draws_all_and_holds_the_rows_in_sight(
         (2, '', '2 recordings: 2 fitted, 0 excluded, 0 failed.'),
     ],
 )
-def test_the_page_of_a_fleet_counts_in_words(
-    tmp_path: Path, count: int, robot: str, summary: str
-) -> None:
+def test_the_page_of_a_fleet_counts(tmp_path: Path, count: int, robot: str, summary: str) -> None:
     result = made_up(count)
     of_one = tuple(replace(each, group=robot) for each in result.recordings)
     write_fleet_report(tmp_path / 'fleet.html', replace(result, recordings=of_one))

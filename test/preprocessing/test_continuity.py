@@ -51,9 +51,7 @@ def jump_rows(samples: JointSamples) -> list[int]:
 @pytest.mark.parametrize('least', [-np.pi, 0.0])
 @pytest.mark.parametrize('rate', [20.0, 100.0])
 @pytest.mark.parametrize('has_velocity', [True, False])
-def test_a_position_within_one_turn_moves_on(
-    has_velocity: bool, rate: float, least: float
-) -> None:
+def test_a_position_in_one_turn_moves_on(has_velocity: bool, rate: float, least: float) -> None:
     samples = turning(uniform(int(30 * rate), rate))
     if not has_velocity:
         samples = without_velocity(samples)

@@ -77,9 +77,7 @@ def newest_rows(t: Array, rate: float) -> IndexArray:
 @pytest.mark.parametrize('has_velocity', [True, False])
 @pytest.mark.parametrize('noise', [0.0, 0.02])
 @pytest.mark.parametrize('publish_hz', [200.0, 500.0, 830.0])
-def test_a_state_published_again_counts_once(
-    publish_hz: float, noise: float, has_velocity: bool
-) -> None:
+def test_repeated_states_count_once(publish_hz: float, noise: float, has_velocity: bool) -> None:
     """Whether the arm moves or rests: the same samples as of the recording at its own rate."""
     original = moves_and_rests(100.0, noise)
     again = published_again(original, 100.0, publish_hz)
@@ -149,9 +147,7 @@ def test_a_value_that_stays_for_long_is_no_held_one() -> None:
 
 
 @given(st.integers(0, 8), st.integers(60, 70))
-def test_pieces_that_begin_or_end_within_a_held_value_are_not_extrapolated(
-    first: int, last: int
-) -> None:
+def test_pieces_that_end_in_a_held_value_are_not_extrapolated(first: int, last: int) -> None:
     samples = recording(uniform(200, 100.0), MOTION)
     samples = replace(samples, effort=samples.effort[9 * (np.arange(200) // 9)])
     changes = changes_of(samples)

@@ -56,9 +56,7 @@ def test_samples_at_which_a_joint_is_slow_are_left_out(share: float, kept: list[
 @pytest.mark.parametrize(
     ('rate_hz', 'cutoff_hz', 'kept'), [(100.0, 9.0, 2), (1000.0, 12.5, 20), (1000.0, 12.9, 19)]
 )
-def test_at_least_four_samples_are_kept_in_a_period(
-    rate_hz: float, cutoff_hz: float, kept: int
-) -> None:
+def test_four_samples_are_kept_a_period(rate_hz: float, cutoff_hz: float, kept: int) -> None:
     found = stride(rate_hz, PreprocessingSettings(cutoff_hz=cutoff_hz))
     assert found == kept
     assert rate_hz / found >= 4 * cutoff_hz
@@ -135,7 +133,5 @@ def test_order_of_time_stays(selection: str) -> None:
     ('rate', 'cutoff', 'expected'),
     [(120.0, 4.0, 7), (127.9, 4.0, 7), (128.0, 4.0, 8), (9.0, 4.0, 1)],
 )
-def test_stride_leaves_at_least_four_samples_a_period(
-    rate: float, cutoff: float, expected: int
-) -> None:
+def test_stride_leaves_four_samples_a_period(rate: float, cutoff: float, expected: int) -> None:
     assert stride(rate, PreprocessingSettings(cutoff_hz=cutoff)) == expected

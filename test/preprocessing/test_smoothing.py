@@ -74,9 +74,7 @@ def test_low_pass_is_the_same_backward() -> None:
 
 
 @given(st.lists(st.floats(-10, 10), min_size=5, max_size=5), st.floats(1.0, 1000.0))
-def test_derivative_of_a_polynomial_of_order_four_is_exact(
-    coefficients: list[float], rate: float
-) -> None:
+def test_derivative_of_a_quartic_is_exact(coefficients: list[float], rate: float) -> None:
     polynomial = np.polynomial.Polynomial(coefficients)
     t = np.arange(12) / rate
     slope = derivative(polynomial(t)[:, None], rate)[:, 0]

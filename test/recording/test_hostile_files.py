@@ -57,9 +57,7 @@ def test_all_frames_of_a_compressed_file_are_read(
 
 
 @pytest.mark.parametrize('method', ['zstd', 'lz4'])
-def test_all_frames_of_a_chunk_are_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str
-) -> None:
+def test_frames_of_a_chunk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str) -> None:
     from mcap import writer
 
     compress = {'zstd': zstd.compress, 'lz4': lz4.frame.compress}[method]

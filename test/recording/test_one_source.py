@@ -106,9 +106,7 @@ def test_two_definitions_on_one_topic_keep_the_order_of_the_file(tmp_path: Path)
 
 @pytest.mark.slow
 @pytest.mark.parametrize('rate', [50, 100, 1000])
-def test_a_driver_is_preferred_to_what_repeats_it_beside_other_joints(
-    tmp_path: Path, rate: int
-) -> None:
+def test_a_driver_is_preferred_to_what_repeats_it(tmp_path: Path, rate: int) -> None:
     """The aggregator publishes at half the rate, stamps anew and is late."""
     late = [
         with_gripper(replace(state, stamp_ns=state.stamp_ns + int(0.7e9 / rate)))

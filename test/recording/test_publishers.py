@@ -165,9 +165,7 @@ def test_efforts_at_another_rate_are_interpolated(tmp_path: Path) -> None:
     np.testing.assert_array_equal(samples.effort[:, 0], 3.0 + k)
 
 
-def test_efforts_that_come_alone_do_not_replace_others(
-    tmp_path: Path, clean: JointSamples
-) -> None:
+def test_efforts_that_come_alone_replace_no_others(tmp_path: Path, clean: JointSamples) -> None:
     sent = [
         each for state in moving(50) for each in (state, of_effort_alone(state, effort=(7, 8)))
     ]

@@ -79,9 +79,7 @@ def test_folder_without_metadata_is_read_in_the_order_of_numbers(tmp_path: Path)
     ],
     ids=['none', 'unreadable', 'unreadable of another topic'],
 )
-def test_definitions_of_standard_types_are_not_needed(
-    tmp_path: Path, statements: list[str]
-) -> None:
+def test_known_definitions_are_not_needed(tmp_path: Path, statements: list[str]) -> None:
     path = write_file(tmp_path / 'bag', [*moving(5), *moving(5, topic='/others')], '.db3')
     with sqlite3.connect(path) as database:
         for statement in statements:

@@ -58,9 +58,7 @@ def test_first_stamp_may_be_zero_or_next_to_it(first: int) -> None:
     assert (timeline.rows.size, timeline.start_ns, timeline.dropped) == (50, first, {})
 
 
-def test_stamps_in_order_for_hours_are_not_judged_one_by_one(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_stamps_in_order_are_not_judged_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """That took several arrays in memory, as long as the recording."""
     monkeypatch.delattr(timing, '_plausible')
     stamps = EPOCH + 60 * 10**9 * np.arange(300)

@@ -158,9 +158,7 @@ def test_tolerances_reach_the_controller(control: Control, sender: Sender) -> No
     assert (ending, result.error_code) == ('aborted', ErrorCode.GOAL_TOLERANCE_VIOLATED)
 
 
-def test_what_cannot_be_filled_is_refused_with_code_and_sentence(
-    control: Control, sender: Sender
-) -> None:
+def test_what_cannot_be_filled_is_refused_with_a_code(control: Control, sender: Sender) -> None:
     control.use('arm')
     control.client.mark('serve')
     foreign, short, past = goal(), goal(), goal()

@@ -58,9 +58,7 @@ def test_what_came_before_does_not_matter(orders: list[list[str]]) -> None:
         (('base', 'shoulder', 'elbow', 'elbow'), Refusal.REPEATED_NAME),
     ],
 )
-def test_names_that_do_not_fit_are_refused_every_time(
-    names: tuple[str, ...], reason: Refusal
-) -> None:
+def test_names_that_do_not_fit_are_refused(names: tuple[str, ...], reason: Refusal) -> None:
     order = JointOrder(NAMES)
     for _ in range(2):
         with pytest.raises(RefusedError) as refused:
@@ -70,9 +68,7 @@ def test_names_that_do_not_fit_are_refused_every_time(
 
 
 @given(points_of(4), st.permutations([*NAMES, 'tool']))
-def test_states_have_every_number_in_the_place_of_its_joint(
-    points: list[Point], names: list[str]
-) -> None:
+def test_states_have_every_number_in_its_place(points: list[Point], names: list[str]) -> None:
     states = JointOrder(NAMES).states(names, points)
     assert states.shape == (3, len(points), 3)
     columns = [names.index(name) for name in NAMES]

@@ -82,9 +82,7 @@ EPOCH = 1_000_000 * S
 
 
 @given(st.integers(-EPOCH // 2, EPOCH // 2), st.lists(st.integers(0, 3 * S), min_size=1))
-def test_the_age_is_the_wait_whatever_the_clock_of_the_sender(
-    apart: int, waits: list[int]
-) -> None:
+def test_the_age_is_the_wait_by_any_clock_of_the_sender(apart: int, waits: list[int]) -> None:
     watch, now = AgeWatch(), EPOCH
     watch.age(now + apart, now, now)
     for wait in waits:

@@ -184,17 +184,13 @@ def test_a_continuous_joint_is_refused(tmp_path: Path) -> None:
         SimulatedArm(urdf, 1)
 
 
-def test_without_pinocchio_the_remedy_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_remedy_without_pinocchio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, 'pinocchio', None)
     with pytest.raises(LipIdError, match=r'pip install lip_id_ros\[sim\]'):
         SimulatedArm(tmp_path / 'any.urdf', 1)
 
 
-def test_without_the_robot_descriptions_the_remedy_is_named(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_remedy_without_robot_descriptions(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr('importlib.metadata.files', lambda name: None)
     with pytest.raises(LipIdError, match=r'example-robot-data.*pip install lip_id_ros\[sim\]'):
         panda()
