@@ -110,6 +110,12 @@ def forgotten(action: str) -> Outcome:
     return Outcome(Ending.CANCELED, ErrorCode.SUCCESSFUL, sentence)
 
 
+def cancelled_early() -> Outcome:
+    """Return the outcome of a goal that was cancelled while its efforts were computed."""
+    sentence = 'serve: the goal was cancelled before the controller had it.'
+    return Outcome(Ending.CANCELED, ErrorCode.SUCCESSFUL, sentence)
+
+
 def released() -> Outcome:
     """Return the outcome of a goal that goes on while `serve` is deactivated or ends."""
     sentence = (

@@ -9,7 +9,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import ConfigError, DataError, shortened
-from lip_id_ros.feedforward.interpolation import Plan
+from lip_id_ros.feedforward.interpolation import Motion, Plan
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.signals.joints import by_joint
 
@@ -128,6 +128,16 @@ def check_plan(
     return PlanCheck(loads, float(t[-1]), fitting_scale(torques, ordered, largest))
 
 
+def fits(torques: Torques, plan: Plan, limits: Array) -> bool:
+    """Return whether no torque of a plan is beyond its limit, shape (n,) [N m or N]."""
+    return _fits(torques, plan.motion(STEP_S), limits)
+
+
+def _fits(torques: Torques, motion: Motion, limits: Array) -> bool:
+    t, (q, dq, ddq) = motion
+    return bool((np.abs(torques(q, dq, ddq, t)) <= limits).all())
+
+
 def fitting_scale(torques: Torques, plan: Plan, limits: Array) -> float | None:
     """
     Return the least factor on the times of a plan with which its torques are within limits.
@@ -138,24 +148,19 @@ def fitting_scale(torques: Torques, plan: Plan, limits: Array) -> float | None:
     not.
 
     """
-
-    def fits(scale: float) -> bool:
-        t, (q, dq, ddq) = motion.slowed(scale)
-        return bool((np.abs(torques(q, dq, ddq, t)) <= limits).all())
-
     motion = plan.motion(STEP_S)
-    if fits(1.0):
+    if _fits(torques, motion, limits):
         return 1.0
     too_fast = 1.0
     for scale in np.geomspace(1.0, SLOWEST, GRID)[1:].tolist():
-        if fits(scale):
+        if _fits(torques, motion.slowed(scale), limits):
             break
         too_fast = scale
     else:
         return None
     while scale - too_fast > ACCURACY * scale:
         middle = 0.5 * (too_fast + scale)
-        if fits(middle):
+        if _fits(torques, motion.slowed(middle), limits):
             scale = middle
         else:
             too_fast = middle

@@ -16,9 +16,11 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.feedforward import shaping
 from lip_id_ros.feedforward.deviations import Deviated, LONGEST_VALID_S
+from lip_id_ros.feedforward.interpolation import Plan
 from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.feedforward.measured import MeasuredArm
-from lip_id_ros.feedforward.settings import make_rules, Policy, SafeValue, ServeSettings
+from lip_id_ros.feedforward.plan_check import fits, fitting_scale
+from lip_id_ros.feedforward.settings import make_rules, Overload, Policy, SafeValue, ServeSettings
 from lip_id_ros.feedforward.shaping import Shaper, TrainingRange
 from lip_id_ros.feedforward.status import ServeCounts
 from lip_id_ros.model import Prediction, Query
@@ -35,8 +37,11 @@ from lip_id_ros.signals.joints import (
 from lip_id_ros.signals.status import Level
 from lip_id_ros.signals.torque_steps import Sent
 
-COUNTED = (*shaping.COUNTED, 'stale', 'late_plans')
-"""Keys of ~/status: what `shaping` counts, streams that fell silent, plans that came out late."""
+COUNTED = (*shaping.COUNTED, 'stale', 'slowed', 'late_plans')
+"""
+Keys of ~/status: what `shaping` counts, streams that fell silent, plans that were slowed down or
+came out late.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +69,7 @@ class ServedArm:
         self.measured = MeasuredArm(loaded, settings.residual_cutoff_hz)
         trained = TrainingRange(*loaded.model.training_range)
         self.shaper = Shaper(make_rules(settings, self.joint_names), trained, sent, counts)
-        self._model, self._memory = loaded.model, loaded.memory
+        self._model, self._memory, self._counts = loaded.model, loaded.memory, counts
         self._order = JointOrder(self.joint_names)
         self._std_period_s = 1.0 / settings.std_rate_hz
 
@@ -100,6 +105,33 @@ class ServedArm:
         ordered = np.empty_like(tau)
         ordered[:, columns] = self.shaper.plan(tau, t, states)
         return ordered
+
+    def time_scale(self, names: Sequence[str], points: Sequence[PlannedPoint]) -> float:
+        """
+        Return the factor on the times of a plan with which its torques are within limits.
+
+        1 where overload_policy is to cut them; RefusedError as for `plan`, and where the policy
+        refuses the plan, or no factor helps.
+
+        """
+        overload, limits = self.shaper.rules.overload, self.shaper.rules.limits
+        if overload is Overload.CUT:
+            return 1.0
+        if len(points) > self.shaper.rules.max_plan_points:
+            raise RefusedError(Refusal.TOO_LONG)
+        states, t = self._order.states(names, points), increasing_times(points)
+        plan = Plan(self.joint_names, t, states)
+        if fits(self._torques, plan, limits):
+            return 1.0
+        slower = overload is Overload.SLOW
+        scale = fitting_scale(self._torques, plan, limits) if slower else None
+        if scale is None:
+            raise RefusedError(Refusal.OVERLOAD)
+        self._counts['slowed'] += 1
+        return scale
+
+    def _torques(self, q: Array, dq: Array, ddq: Array, t: Array) -> Array:
+        return self.shaper.rules.scale * self._with_gravity(self._model.predict(q, dq, ddq, t))
 
     def safe_torque(self, position: Array | None, now: float) -> Array:
         """Return the torque of an arm without references, last seen here, shape (n,)."""
@@ -255,6 +287,11 @@ class Server:
             tau = self.ready_arm().plan(names, points)
         self.counts.references.used['plans'] += 1
         return tau
+
+    def time_scale(self, names: Sequence[str], points: Sequence[PlannedPoint]) -> float:
+        """Return the factor on the times of a plan with which `plan` is to answer it."""
+        with self.counts.references.refusing(), np.errstate(all='ignore'):
+            return self.ready_arm().time_scale(names, points)
 
     def ready_arm(self) -> ServedArm:
         """Return the arm; RefusedError where there is none, or the node is disabled."""

@@ -31,6 +31,14 @@ class Policy(StrEnum):
     ZERO = 'zero'
 
 
+class Overload(StrEnum):
+    """What is done with a plan whose torques would exceed their limits."""
+
+    CUT = 'cut'
+    REFUSE = 'refuse'
+    SLOW = 'slow'
+
+
 class SafeValue(StrEnum):
     """What is published when references stop."""
 
@@ -128,6 +136,13 @@ class ServeSettings(Settings):
         'hundred points are computed in a process beside the stream, which starts with the first.',
         minimum=1,
         maximum=100_000,
+    )
+    overload_policy: str = setting(
+        'cut',
+        'For plans whose torques would exceed torque_limits, at their points or between them: '
+        'cut the torques, refuse the plan, or slow it down until it fits (not below a tenth of '
+        'its speed).',
+        choices=tuple(Overload),
     )
     range_policy: str = setting(
         'warn',
@@ -243,7 +258,7 @@ class Rules:
     the safe torque once references have stopped. `stale_timeout_s`: longest silence of a stream,
     infinite for any, and `safe_value`: what follows it. `range_policy`, `std_policy`: what is done
     outside the training range widened by `margins`, shape (n,), as a share of half of it, and
-    beyond `std_limits`.
+    beyond `std_limits`. `overload`: what is done with a plan that would exceed the limits.
     """
 
     limits: Array
@@ -255,6 +270,7 @@ class Rules:
     stale_timeout_s: float
     safe_value: SafeValue
     max_plan_points: int
+    overload: Overload
     range_policy: Policy
     margins: Array
     std_policy: Policy
@@ -295,6 +311,7 @@ def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
         stale_timeout_s=settings.stale_timeout_s or np.inf,
         safe_value=SafeValue(settings.stale_policy),
         max_plan_points=settings.max_plan_points,
+        overload=Overload(settings.overload_policy),
         range_policy=Policy(settings.range_policy),
         margins=per_joint('range_margin', 0.0),
         std_policy=Policy(settings.std_policy),

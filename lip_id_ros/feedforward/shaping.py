@@ -156,6 +156,8 @@ def _slow_down(tau: Array, t: Array, rates: Array) -> int:
     """Hold the slopes between the points of a plan within the rates; return how many were cut."""
     cut = 0
     elapsed = np.maximum(np.diff(t), 1e-6)
+    if (np.abs(np.diff(tau, axis=0)) <= elapsed[:, np.newaxis] * rates).all():
+        return 0  # as most plans: the loop takes a millisecond for 200 points
     for row, seconds in enumerate(elapsed, start=1):
         slower = toward(tau[row - 1], tau[row], seconds * rates)
         cut += int((slower != tau[row]).any())

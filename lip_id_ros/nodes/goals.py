@@ -2,23 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 import time
 from typing import Any
 
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import GoalEvent
+from rclpy.serialization import deserialize_message, serialize_message
+from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.feedforward import goals
 from lip_id_ros.feedforward.goals import Ending, GoalCounts, Outcome, Relayed
+from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.feedforward.server import Server
+from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.node import NodeBase
+from lip_id_ros.nodes.plans import accept, INTERRUPTED, Planned, PlanWorker, submit
 from lip_id_ros.signals.joints import RefusedError
 
 NAME = '~/follow_joint_trajectory'
+
+MOST_INLINE = 250
+"""
+A goal with more points is filled in a process beside the stream, as a long plan is. So many points
+take 5 ms here, and there the way to the other process and back.
+"""
 
 KEPT_S = 60
 """Results are kept for so long: every client asks for them when its goal is accepted."""
@@ -43,6 +56,9 @@ class Goals:
         self._kind = _action_type()
         self._action: str = node.resolve_service_name(action)
         self._relays: list[_Relay] = []
+        self._settings = ServeSettings()
+        self._worker: PlanWorker | None = None
+        self._waiting: deque[Any] = deque()  # handles; None for a goal that has ended meanwhile
         calls = dict.fromkeys(
             [f'{name}_service_qos_profile' for name in ('goal', 'result', 'cancel')], qos.CALLS
         )
@@ -64,8 +80,28 @@ class Goals:
             return []
         return [f'no controller offers the action {self._action}']
 
+    @property
+    def n_waiting(self) -> int:
+        """How many goals are being filled beside the stream."""
+        return len(self._waiting)
+
+    def use(self, loaded: LoadedModel) -> None:
+        """Fill long goals by this model from now on."""
+        self._stop_worker()
+        self._worker = PlanWorker(loaded.file) if loaded.file is not None else None
+
+    def adjust(self, settings: ServeSettings) -> None:
+        """Fill long goals by these settings; those that wait are aborted."""
+        self._settings = settings
+        self._interrupt()
+
     def watch(self) -> None:
-        """End goals whose controller has ended, and ask again for results that were lost."""
+        """Go on with goals that were filled, or whose controller or result is missing."""
+        planned = self._worker.take() if self._worker else None
+        if planned is not None:
+            handle = self._waiting.popleft()
+            if handle is not None:
+                self._answered(handle, planned)
         if not self._relays:
             return
         now, servers = time.monotonic(), self._servers()
@@ -76,12 +112,25 @@ class Goals:
         """Have the controller cancel all goals, since nobody could through this node any more."""
         for relay in list(self._relays):
             relay.release()
+        waiting = [handle for handle in self._waiting if handle is not None]
+        self._waiting = deque([None] * len(self._waiting))  # their answers are still to come
+        for handle in waiting:
+            self._end(handle, goals.released())
 
     def destroy(self) -> None:
         """Offer the action no more."""
         self.release()
+        self._stop_worker()
         self._offered.destroy()
         self._client.destroy()
+
+    def _stop_worker(self) -> None:
+        if self._worker is not None:
+            self._worker.stop()
+            self._worker = None
+        while self._waiting:
+            if (handle := self._waiting.popleft()) is not None:
+                self._answered(handle, INTERRUPTED)
 
     def _servers(self) -> frozenset[bytes]:
         topic = f'{self._action}/_action/status'
@@ -90,29 +139,51 @@ class Goals:
 
     def _on_goal(self, handle: Any) -> None:
         self._counts.received += 1
-        try:
+        self._server.counts.references.received += 1
+        with self._ending(handle):
             if not handle.is_cancel_requested:
                 handle.executing()
-            outcome = self._fill(handle.request.trajectory)
-            if outcome is None and not self._client.server_is_ready():
-                outcome = goals.without_controller(self._action)
-            if outcome is None:
-                self._relay(handle)
-        except Exception as error:
-            self._node.caught(error)
-            outcome = goals.failed(error)
-        if outcome is not None:
-            self._end(handle, outcome)
+            plan = handle.request.trajectory
+            if len(plan.points) > MOST_INLINE:
+                raw = serialize_message(plan)
+                submit(self._worker, self._server, raw, len(plan.points), self._settings)
+                self._waiting.append(handle)
+                return
+            messages.filled(plan, self._server)
+            self._interrupt()
+            self._hand_on(handle)
 
-    def _fill(self, plan: Any) -> Outcome | None:
-        """Fill in the efforts of a plan; return the outcome of one that cannot be filled."""
-        self._server.counts.references.received += 1
+    def _answered(self, handle: Any, planned: Planned) -> None:
+        """Go on with a goal whose plan was filled beside the stream."""
+        with self._ending(handle):
+            raw = accept(planned, self._server)
+            if handle.is_cancel_requested:
+                self._end(handle, goals.cancelled_early())
+                return
+            handle.request.trajectory = deserialize_message(raw, JointTrajectory)
+            self._hand_on(handle)
+
+    @contextmanager
+    def _ending(self, handle: Any) -> Iterator[None]:
+        """End a goal where it is refused, or an error arises."""
         try:
-            messages.with_effort(plan, self._server.plan(plan.joint_names, plan.points))
+            yield
         except RefusedError as error:
             self._node.warn_of_refusal(error)
-            return goals.refused(error.reason, str(error))
-        return None
+            self._end(handle, goals.refused(error.reason, str(error)))
+        except Exception as error:
+            self._node.caught(error)
+            self._end(handle, goals.failed(error))
+
+    def _hand_on(self, handle: Any) -> None:
+        if self._client.server_is_ready():
+            self._relay(handle)
+        else:
+            self._end(handle, goals.without_controller(self._action))
+
+    def _interrupt(self) -> None:
+        if self._worker is not None:
+            self._worker.interrupt()
 
     def _relay(self, handle: Any) -> None:
         relay = _Relay(self._client, handle, self._action, self._servers(), self._finish)

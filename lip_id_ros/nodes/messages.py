@@ -6,7 +6,7 @@ from array import array
 from collections.abc import Mapping, Sequence
 import json
 import math
-from typing import Any
+from typing import Any, Protocol
 
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -16,9 +16,20 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.signals.joints import RefusedError
+from lip_id_ros.signals.joints import PlannedPoint, RefusedError
 from lip_id_ros.signals.status import Status
 from lip_id_ros.signals.trajectory_header import read_header
+
+
+class Filler(Protocol):
+    """What answers plans: an arm of `serve`, or its server."""
+
+    def time_scale(self, names: Sequence[str], points: Sequence[PlannedPoint]) -> float:
+        """Return the factor on the times of a plan."""
+
+    def plan(self, names: Sequence[str], points: Sequence[PlannedPoint]) -> Array:
+        """Return the efforts of a plan."""
+
 
 NANOSECONDS = 1_000_000_000
 
@@ -73,6 +84,30 @@ def with_effort(plan: JointTrajectory, tau: Array) -> JointTrajectory:
     for point, effort in zip(plan.points, tau, strict=True):
         point.effort = doubles(effort)
     return plan
+
+
+def slow_down(plan: JointTrajectory, scale: float) -> JointTrajectory:
+    """Give a plan `scale` times its time on the same way; it is changed and returned."""
+    for point in plan.points:
+        after = point.time_from_start
+        later = round(scale * (NANOSECONDS * after.sec + after.nanosec))
+        after.sec, after.nanosec = divmod(later, NANOSECONDS)
+        point.velocities = doubles(np.asarray(point.velocities) / scale)
+        point.accelerations = doubles(np.asarray(point.accelerations) / scale**2)
+    return plan
+
+
+def filled(plan: JointTrajectory, arm: Filler) -> JointTrajectory:
+    """
+    Return a plan with efforts, slowed down where the policy of `serve` asks for that.
+
+    RefusedError if it cannot be filled; it is changed otherwise.
+
+    """
+    scale = arm.time_scale(plan.joint_names, plan.points)
+    if scale > 1.0:
+        slow_down(plan, scale)
+    return with_effort(plan, arm.plan(plan.joint_names, plan.points))
 
 
 def count_points(raw: bytes) -> int:

@@ -26,7 +26,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.feedforward.loading import load_model, ModelFile
-from lip_id_ros.feedforward.server import ServedArm
+from lip_id_ros.feedforward.server import ServedArm, Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import messages
 from lip_id_ros.processes import deadline, kill, LONGEST_START_S
@@ -148,6 +148,29 @@ class PlanWorker:
         return process
 
 
+def submit(
+    worker: PlanWorker | None, server: Server, raw: bytes, n_points: int, settings: ServeSettings
+) -> None:
+    """Have a long plan answered beside the stream; RefusedError, counted, if it cannot be."""
+    with server.counts.references.refusing():
+        server.ready_arm()
+        if n_points > settings.max_plan_points:
+            raise RefusedError(Refusal.TOO_LONG)
+        if worker is None:
+            raise RefusedError(Refusal.INACTIVE)
+        worker.submit(raw, settings)
+
+
+def accept(planned: Planned, server: Server) -> bytes:
+    """Count an answer; return the plan with efforts. RefusedError, counted, if there is none."""
+    with server.counts.references.refusing():
+        server.ready_arm()
+        if planned.refusal:
+            raise RefusedError(Refusal(planned.refusal))
+    server.planned_beside(planned.counts)
+    return planned.raw
+
+
 def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:
     """
     Answer plans with the model at `path` until their stream ends; return the exit status.
@@ -181,8 +204,8 @@ def _with_effort(arm: ServedArm, raw: bytes) -> bytes:
     except Exception:  # the class depends on the middleware
         raise RefusedError(Refusal.MALFORMED) from None
     with np.errstate(all='ignore'):
-        tau = arm.plan(plan.joint_names, plan.points)
-    return bytes(serialize_message(messages.with_effort(plan, tau)))
+        filled = messages.filled(plan, arm)
+    return bytes(serialize_message(filled))
 
 
 def _tuples(value: Any) -> Any:

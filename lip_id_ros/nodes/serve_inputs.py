@@ -20,7 +20,7 @@ from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.goals import Goals
 from lip_id_ros.nodes.node import NodeBase
-from lip_id_ros.nodes.plans import Planned, PlanWorker
+from lip_id_ros.nodes.plans import accept, Planned, PlanWorker, submit
 from lip_id_ros.nodes.serve_outputs import (
     COMPONENT_TOPICS,
     MEASURED_TOPICS,
@@ -96,12 +96,16 @@ class Inputs:
         """Answer long plans by this model from now on."""
         self._stop_worker()
         self._worker = PlanWorker(loaded.file) if loaded.file is not None else None
+        if self._goals is not None:
+            self._goals.use(loaded)
         self.adjust(settings)
 
     def adjust(self, settings: ServeSettings) -> None:
         """Answer long plans by these settings."""
         self._settings = settings
         self.interrupt_plans()
+        if self._goals is not None:
+            self._goals.adjust(settings)
 
     def interrupt_plans(self) -> None:
         """Publish no plan any more that is being answered."""
@@ -110,8 +114,9 @@ class Inputs:
 
     @property
     def n_waiting(self) -> int:
-        """How many plans are being answered beside the stream."""
-        return self._worker.n_waiting if self._worker else 0
+        """How many plans and goals are being answered beside the stream."""
+        goals = self._goals.n_waiting if self._goals else 0
+        return goals + (self._worker.n_waiting if self._worker else 0)
 
     def clean_up(self) -> None:
         """Unsubscribe from what `configure` subscribed to."""
@@ -185,7 +190,7 @@ class Inputs:
         if self._is_contradicted:
             self._refuse(Refusal.SEVERAL_PUBLISHERS)
         if len(raw) > INLINE_BYTES and (count := self._count_points(raw)) > 1:
-            self._submit(raw, count)
+            submit(self._worker, self._server, raw, count, self._settings)
             return
         try:
             message = deserialize_message(raw, JointTrajectory)
@@ -193,9 +198,9 @@ class Inputs:
             self._references.refuse(Refusal.MALFORMED)
             raise RefusedError(Refusal.MALFORMED) from None
         if len(message.points) > 1:
-            tau = self._server.plan(message.joint_names, message.points)
+            filled = messages.filled(message, self._server)
             self.interrupt_plans()
-            self._outputs.plan(message, tau)
+            self._outputs.plan(filled)
             self._note_lateness(messages.nanoseconds(message.header.stamp))
         else:
             self._answer_sample(message.header.stamp, message.joint_names, message.points, age)
@@ -204,23 +209,10 @@ class Inputs:
         with self._references.refusing():
             return messages.count_points(raw)
 
-    def _submit(self, raw: bytes, n_points: int) -> None:
-        with self._references.refusing():
-            self._server.ready_arm()
-            if n_points > self._settings.max_plan_points:
-                raise RefusedError(Refusal.TOO_LONG)
-            if self._worker is None:
-                raise RefusedError(Refusal.INACTIVE)
-            self._worker.submit(raw, self._settings)
-
     def _publish_planned(self, planned: Planned) -> None:
-        with self._references.refusing():
-            self._server.ready_arm()
-            if planned.refusal:
-                raise RefusedError(Refusal(planned.refusal))
-        self._server.planned_beside(planned.counts)
-        self._outputs.raw_plan(planned.raw)
-        self._note_lateness(read_header(planned.raw).stamp_ns)
+        raw = accept(planned, self._server)
+        self._outputs.raw_plan(raw)
+        self._note_lateness(read_header(raw).stamp_ns)
 
     def _note_lateness(self, stamp_ns: int) -> None:
         """Count a plan that was published after its begin; a stamp of zero means now."""

@@ -114,9 +114,9 @@ class Outputs:
         _publish_finite(self._optional[potential], query.potential)
         self._optional[both].publish(_energies(stamp, query))
 
-    def plan(self, plan: JointTrajectory, tau: Array) -> None:
-        """Publish a plan with efforts, shape (number of points, n) [N m or N]."""
-        self._plan.publish(messages.with_effort(plan, tau))
+    def plan(self, plan: JointTrajectory) -> None:
+        """Publish a plan with efforts."""
+        self._plan.publish(plan)
 
     def raw_plan(self, plan: bytes) -> None:
         """Publish a plan with efforts that is serialised already."""

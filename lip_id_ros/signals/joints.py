@@ -20,6 +20,7 @@ class Refusal(StrEnum):
     DISABLED = 'disabled'
     NO_POINTS = 'no points'
     TOO_LONG = 'plan too long'
+    OVERLOAD = 'torques beyond limits'
     BUSY = 'plans waiting'
     INTERRUPTED = 'plan interrupted'
     UNANSWERED = 'plan not answered'
@@ -61,6 +62,10 @@ _SENTENCES = {
     Refusal.NO_POINTS: 'a trajectory needs at least one point, this one has none',
     Refusal.TOO_LONG: (
         'a plan must not have more points than max_plan_points; send it in pieces or raise that'
+    ),
+    Refusal.OVERLOAD: (
+        'the torques of the plan would exceed torque_limits, and overload_policy refuses that or '
+        'found no slower plan that fits; look at it with lip_id check-plan'
     ),
     Refusal.BUSY: 'too many plans wait for their efforts; send the next one after an answer',
     Refusal.INTERRUPTED: (

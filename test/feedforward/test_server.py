@@ -66,6 +66,46 @@ def test_plan_is_answered_in_the_order_of_its_message() -> None:
     assert server.values()['answered'] == {'samples': 0, 'plans': 1, 'measured': 0}
 
 
+def rest_to_rest(scale: float = 1.0) -> list[Any]:
+    """One segment of degree 5, whose acceleration of up to 5.8 rad/s^2 is between its points."""
+    return [point([0, 0], [0, 0], [0, 0]), point([1, 0], [0, 0], [0, 0], scale)]
+
+
+def test_a_plan_beyond_limits_is_refused_where_that_is_asked_for() -> None:
+    server = serving(torque_limits=[500.0], overload_policy='refuse')
+    with pytest.raises(RefusedError, match='would exceed torque_limits'):
+        server.time_scale(NAMES, rest_to_rest())
+    assert server.values()['refused'] == {Refusal.OVERLOAD: 1}
+    assert server.time_scale(NAMES, rest_to_rest(1.2)) == 1.0
+    assert server.values()['slowed'] == 0
+
+
+def test_a_plan_beyond_limits_is_slowed_where_that_is_asked_for() -> None:
+    server = serving(torque_limits=[500.0], overload_policy='slow')
+    scale = server.time_scale(NAMES, rest_to_rest())
+    assert 1.05 < scale < 1.2
+    assert server.time_scale(NAMES, rest_to_rest(1.001 * scale)) == 1.0
+    assert server.values()['slowed'] == 1
+    heavy = [point([600, 0], [0, 0], [0, 0]), point([601, 0], [0, 0], [0, 0], 1.0)]
+    with pytest.raises(RefusedError, match='found no slower plan that fits'):
+        server.time_scale(NAMES, heavy)
+
+
+def test_limits_hold_for_what_is_commanded() -> None:
+    """A fifth of the torque, and without the gravity that the robot adds."""
+    less = serving(torque_limits=[150.0], overload_policy='refuse', output_scale=0.2)
+    assert less.time_scale(NAMES, rest_to_rest()) == 1.0
+    heavy = [point([600, 0], [0, 0], [0, 0]), point([601, 0], [0, 0], [0, 0], 2.0)]
+    without = serving(torque_limits=[500.0], overload_policy='refuse', gravity=False)
+    assert without.time_scale(NAMES, heavy) == 1.0
+
+
+def test_a_plan_beyond_limits_keeps_its_times_by_default() -> None:
+    server = serving(torque_limits=[1.0])
+    assert server.time_scale(NAMES, rest_to_rest()) == 1.0
+    assert serving(overload_policy='slow').time_scale(NAMES, rest_to_rest()) == 1.0  # no limits
+
+
 def test_the_rate_of_a_plan_follows_its_times() -> None:
     server = serving(rate_limits=[10.0])
     still = ([0, 0], [0, 0])

@@ -124,6 +124,28 @@ def controlled(folder: Path, parameters: Path, joints: Sequence[str]) -> Iterato
         yield Control(made, client, process)
 
 
+@contextmanager
+def served(folder: Path, parameters: Path, model_path: str) -> Iterator[Control]:
+    """Run a controller manager of the toy arm, and a `serve` that fills plans for `arm`."""
+    with controlled(folder, parameters, toy.JOINTS) as made:
+        made.graph.start_with(
+            'serve',
+            [
+                *('-p', f'model_path:={model_path}', '-p', f'torque_limits:=[{toy.LIMIT}]'),
+                *('-p', 'ramp_s:=0.0', '-p', 'stale_timeout_s:=0.0'),
+                *('-p', 'controller_action:=/arm/follow_joint_trajectory'),
+                *('-p', 'follow_controller:=true'),
+                *('-r', '~/controller_state:=/arm/controller_state'),
+                *('-r', '~/trajectory_with_effort:=/arm/joint_trajectory'),
+            ],
+        )
+        assert made.load(BROADCASTER)
+        assert made.switch([BROADCASTER])
+        made.client.status('serve', lambda status: status['state'] == 'active')
+        made.client.limit_s, made.served = LIMIT_S, 'arm'
+        yield made
+
+
 def way(
     start: Sequence[float], end: Sequence[float], seconds: float, n_points: int = 11
 ) -> tuple[Array, Array, Array, Array]:

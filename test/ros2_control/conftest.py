@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nodes import toy
@@ -18,29 +19,22 @@ def model_path(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.fixture(scope='session')
-def control(tmp_path_factory: pytest.TempPathFactory, model_path: str) -> Iterator[Control]:
+def parameters(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """
-    Give a controller manager of the toy arm, and a `serve` that fills plans for it.
+    Parameters of a controller manager and its controllers.
 
-    Its controllers: `arm` takes efforts, `arm_both` positions and efforts, `arm_position`
-    positions, `arm_partial` efforts of some of the joints, `arm_wrong` what none takes;
-    `arm_once` is as `arm`.
+    `arm` takes efforts, `arm_both` positions and efforts, `arm_position` positions, `arm_partial`
+    efforts of some of the joints, `arm_wrong` what none takes; `arm_once` is as `arm`.
 
     """
     # only where ROS is there
-    from ros2_control.arm import (
-        BROADCASTER,
-        controlled,
-        LIMIT_S,
-        RATE_HZ,
-    )
+    from ros2_control.arm import BROADCASTER, RATE_HZ
 
     from benchmarks._mock_controller import JTC, trajectory_controller, write_parameters
 
-    folder = tmp_path_factory.mktemp('ros2_control')
     broadcaster = {'joints': list(toy.JOINTS), 'interfaces': ['position', 'velocity', 'effort']}
-    parameters = write_parameters(
-        folder / 'controllers.yaml',
+    return write_parameters(
+        tmp_path_factory.mktemp('ros2_control') / 'controllers.yaml',
         RATE_HZ,
         {
             BROADCASTER: ('joint_state_broadcaster/JointStateBroadcaster', broadcaster),
@@ -55,24 +49,12 @@ def control(tmp_path_factory: pytest.TempPathFactory, model_path: str) -> Iterat
             ),
         },
     )
-    with controlled(folder, parameters, toy.JOINTS) as made:
-        made.graph.start_with(
-            'serve',
-            [
-                *('-p', f'model_path:={model_path}', '-p', f'torque_limits:=[{toy.LIMIT}]'),
-                *('-p', 'ramp_s:=0.0', '-p', 'stale_timeout_s:=0.0'),
-                *('-p', 'controller_action:=/arm/follow_joint_trajectory'),
-                *(
-                    '-p',
-                    'follow_controller:=true',
-                    '-r',
-                    '~/controller_state:=/arm/controller_state',
-                ),
-                *('-r', '~/trajectory_with_effort:=/arm/joint_trajectory'),
-            ],
-        )
-        assert made.load(BROADCASTER)
-        assert made.switch([BROADCASTER])
-        made.client.status('serve', lambda status: status['state'] == 'active')
-        made.client.limit_s, made.served = LIMIT_S, 'arm'
+
+
+@pytest.fixture(scope='session')
+def control(parameters: Path, model_path: str) -> Iterator[Control]:
+    """Give a controller manager of the toy arm, and a `serve` that fills plans for it."""
+    from ros2_control.arm import served
+
+    with served(parameters.parent, parameters, model_path) as made:
         yield made

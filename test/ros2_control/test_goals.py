@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+import signal
 from typing import Any, TYPE_CHECKING
 
 import pytest
@@ -19,7 +21,8 @@ from nodes import toy
 import numpy as np
 from numpy.typing import ArrayLike
 from rclpy.action import ActionClient
-from ros2_control.arm import commanded, plan
+from rclpy.serialization import serialize_message
+from ros2_control.arm import commanded, plan, served, times
 
 from benchmarks._mock_controller import GAINS
 from lip_id_ros.feedforward.goals import ErrorCode
@@ -239,14 +242,132 @@ def limited(control: Control) -> Iterator[list[float]]:
     client.set_parameters('arm', **gains)
 
 
+def hold_little(
+    control: Control, sender: Sender, states: list[Any], limits: Sequence[float]
+) -> None:
+    """Have the controller hold torques within limits: a plan begins with those before it."""
+    assert sender.run(goal())[0] == 'succeeded'
+    control.client.wait_until(lambda: states and within(states[-1], limits), 'low torques')
+    states.clear()
+
+
+@pytest.mark.parametrize('n_points', [11, 1000])
+def test_a_goal_beyond_limits_is_slowed_until_it_fits(
+    control: Control, sender: Sender, limited: list[float], n_points: int
+) -> None:
+    states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+    hold_little(control, sender, states, limited)
+    control.client.set_parameters('serve', overload_policy='slow')
+    control.client.mark('serve')
+    asked = goal((0.3, -0.2), seconds=0.5, n_points=n_points)
+    ending, _ = sender.run(asked)
+    control.client.set_parameters('serve', overload_policy='cut')
+    assert ending == 'succeeded'
+    moving = [state for state in list(states) if state.reference.velocities[0] > 0.0]
+    assert times([state.reference for state in moving]).max() > 0.6
+    assert all(within(state, limited) for state in moving)
+    assert not all(within(state, np.multiply(limited, 0.8)) for state in moving)
+    control.client.status('serve', lambda status: status['slowed'] == 1)
+
+
+def test_a_long_goal_is_overtaken_or_cancelled_while_it_is_filled(
+    control: Control, sender: Sender
+) -> None:
+    """Its efforts are computed in a process beside the stream."""
+    control.use('arm')
+    control.client.mark('serve')
+    long = goal((0.4, 0.1), seconds=60.0, n_points=8000)
+    first, second = sender.send(long), sender.send(goal())
+    ending, result = sender.result(first)
+    assert ending == 'aborted'
+    overtaken = 'a newer plan came', 'preempted by new incoming action'
+    assert any(sentence in result.error_string for sentence in overtaken)
+    assert sender.result(second)[0] == 'succeeded'
+    handle = sender.send(long)
+    sender.cancel(handle)
+    assert sender.result(handle)[0] == 'canceled'
+    handle = sender.send(long)
+    assert control.client.transition(Transition.TRANSITION_DEACTIVATE)
+    ending, result = sender.result(handle)
+    assert ending == 'aborted'
+    assert 'was deactivated or ended' in result.error_string
+    assert control.client.transition(Transition.TRANSITION_ACTIVATE)
+    assert sender.run(goal(n_points=500))[0] == 'succeeded'
+    counted = counts(control, 5)
+    assert (counted['succeeded'], counted['canceled']) == (2, 1)
+    assert counted['aborted'] + sum(counted['refused'].values()) == 2
+
+
+def kill_manager(control: Control) -> None:
+    control.process.send(signal.SIGKILL)
+    control.process.wait()
+
+
+def test_a_goal_ends_when_its_controller_is_killed(
+    tmp_path: Path, model_path: str, parameters: Path
+) -> None:
+    """The whole controller manager gets SIGKILL in the middle of a goal: nobody says goodbye."""
+    with served(tmp_path, parameters, model_path) as control:
+        control.use('arm')
+        sender = Sender(control)
+        heard: list[Any] = []
+        handle = sender.send(goal((1.0, 1.0), seconds=600.0), heard.append)
+        control.client.wait_until(lambda: heard, 'feedback')
+        kill_manager(control)
+        ending, result = sender.result(handle)
+        assert ending == 'aborted'
+        assert 'the controller of /arm/follow_joint_trajectory has ended' in result.error_string
+        assert 'Stop the arm' in result.error_string
+        ending, result = sender.run(goal())
+        assert 'no controller offers the action' in result.error_string
+        counted = counts(control, 2)
+        assert (counted['aborted'], counted['running']) == (2, 0)
+        sender.destroy()
+
+
+GIVE_A_GOAL = """
+import sys
+import time
+import rclpy
+from rclpy.action import ActionClient
+from rclpy.serialization import deserialize_message
+from control_msgs.action import FollowJointTrajectory
+
+rclpy.init()
+node = rclpy.create_node('vanishing')
+client = ActionClient(node, FollowJointTrajectory, sys.argv[1])
+client.wait_for_server()
+goal = deserialize_message(open(sys.argv[2], 'rb').read(), FollowJointTrajectory.Goal)
+sent = client.send_goal_async(goal)
+rclpy.spin_until_future_complete(node, sent)
+sent.result().get_result_async()
+print('accepted', flush=True)
+rclpy.spin(node)
+"""
+
+
+def test_a_goal_is_executed_though_its_client_was_killed(
+    control: Control, sender: Sender, tmp_path: Path
+) -> None:
+    """As with the controller alone: who wants the arm to stop cancels the goal."""
+    control.use('arm')
+    control.client.mark('serve')
+    (tmp_path / 'goal').write_bytes(serialize_message(goal((0.3, 0.1), seconds=3.0)))
+    arguments = ['-c', GIVE_A_GOAL, ACTION, str(tmp_path / 'goal')]
+    client = control.graph.start_program('vanishing', arguments)
+    control.client.wait_until(lambda: 'accepted' in client.log, 'goal of the client')
+    client.send(signal.SIGKILL)
+    client.wait()
+    assert counts(control, 1)['succeeded'] == 1
+    assert sender.run(goal())[0] == 'succeeded'  # and the next one is taken
+
+
 def test_of_many_goals_none_is_lost_and_no_torque_is_beyond_its_limit(
     control: Control, sender: Sender, limited: list[float]
 ) -> None:
     """Goals that overtake each other, are cancelled at random, and cannot be filled."""
     states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
-    assert sender.run(goal())[0] == 'succeeded'
-    control.client.wait_until(lambda: states and within(states[-1], limited), 'low torques')
-    states.clear()
+    hold_little(control, sender, states, limited)
     control.client.mark('serve')
     n_goals, rng = 100, np.random.default_rng(0)
     handles, endings = [], Counter[str]()
