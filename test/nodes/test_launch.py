@@ -239,7 +239,7 @@ def test_the_example_of_ros2_control_is_about_the_same_joints() -> None:
         assert joints == serve['ros__parameters']['joints']
 
 
-@pytest.mark.parametrize('name', ['panda.yaml', 'ur10.yaml', 'serve.yaml'])
+@pytest.mark.parametrize('name', ['panda.yaml', 'ur10.yaml', 'fr3.yaml', 'serve.yaml'])
 def test_serve_takes_its_parameters_from_a_file(name: str, ros: Ros) -> None:
     graph, client = ros
     path = get_package_share_path('lip_id_ros') / 'config' / name

@@ -24,36 +24,38 @@ pytestmark = [pytest.mark.ros, pytest.mark.ros2_control]
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / 'config' / 'controllers.yaml'
+FILES = [FILE, FILE.with_name('controllers_ur.yaml')]
 FORWARD = 'forward_command_controller/ForwardCommandController'
 LINES = (ROOT / 'docs/how-to/controllers.md').read_text(encoding='utf-8').splitlines()
 COMMANDS = [line for line in LINES if line.startswith('ros2 run controller_manager spawner')]
 
 
-def joints() -> list[str]:
-    return list(yaml.safe_load(FILE.read_text())['arm_controller']['ros__parameters']['joints'])
+def joints(file: Path = FILE) -> list[str]:
+    return list(yaml.safe_load(file.read_text())['arm_controller']['ros__parameters']['joints'])
 
 
-def run(control: Control, command: str) -> None:
-    """Run a command `ros2 run` of the page beside a copy of the file."""
+def run(control: Control, command: str, file: Path = FILE) -> None:
+    """Run a command `ros2 run` of the page beside a copy of a file."""
     package, program, *arguments = command.split()[2:]
-    arguments = [each.replace('controllers.yaml', str(FILE)) for each in arguments]
+    arguments = [each.replace('controllers.yaml', str(file)) for each in arguments]
     assert control.graph.start_installed(package, program, arguments).wait() == 0
 
 
-def test_the_file_loads_as_the_page_has_it(tmp_path: Path) -> None:
-    with controlled(tmp_path, FILE, joints()) as control:
+@pytest.mark.parametrize('file', FILES, ids=lambda file: file.stem)
+def test_a_file_loads_as_the_page_has_it(tmp_path: Path, file: Path) -> None:
+    with controlled(tmp_path, file, joints(file)) as control:
         assert len(COMMANDS) == 2
-        run(control, COMMANDS[0])
+        run(control, COMMANDS[0], file)
         assert control.states() == {
             'joint_state_broadcaster': 'active',
             'arm_controller': 'active',
         }
         heard: list[Any] = control.client.listen(JointState, '/joint_states')
         control.client.wait_until(lambda: heard, 'joint states')
-        assert list(heard[0].name) == joints()
-        assert list(heard[0].effort) == [0.0] * 7
+        assert list(heard[0].name) == joints(file)
+        assert list(heard[0].effort) == [0.0] * len(joints(file))
         if control.has_type(FORWARD):  # which the PyPI wheel has not
-            run(control, COMMANDS[1])
+            run(control, COMMANDS[1], file)
             assert control.states()['torque_controller'] == 'inactive'
 
 
