@@ -242,6 +242,10 @@ def limited(control: Control) -> Iterator[list[float]]:
     client.set_parameters('arm', **gains)
 
 
+def is_at(states: list[Any], end: list[float]) -> bool:
+    return bool(states) and list(states[-1].reference.positions) == end
+
+
 def hold_little(
     control: Control, sender: Sender, states: list[Any], limits: Sequence[float]
 ) -> None:
@@ -263,6 +267,8 @@ def test_a_goal_beyond_limits_is_slowed_until_it_fits(
     ending, _ = sender.run(asked)
     control.client.set_parameters('serve', overload_policy='cut')
     assert ending == 'succeeded'
+    # its states may come after its result
+    control.client.wait_until(lambda: is_at(states, [0.3, -0.2]), 'last state')
     moving = [state for state in list(states) if state.reference.velocities[0] > 0.0]
     assert times([state.reference for state in moving]).max() > 0.6
     assert all(within(state, limited) for state in moving)
