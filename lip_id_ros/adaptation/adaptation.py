@@ -10,6 +10,14 @@ from numpy.typing import ArrayLike
 
 from lip_id_ros.adaptation.followed import FollowedArm, WalkSettings
 from lip_id_ros.adaptation.kalman import DISTURBED, follow, LEARNED
+from lip_id_ros.adaptation.payloads import (
+    BODY,
+    LONGEST_S,
+    Payload,
+    payload_of,
+    PayloadEvent,
+    PayloadWatch,
+)
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import DataError, ShapeError
 from lip_id_ros.friction.dahl import begins_of_times, dahl_states, LONGEST_GAP_S, Steps
@@ -29,14 +37,17 @@ NEAR_REST = 0.05
 CHUNK = 100
 """Samples for which torques are taken as linear around the same numbers."""
 
-MEMORY_S = 10.0
-"""Time of motion over which what was learned is judged [s]."""
+MEMORY_S, PROBATION_S = 10.0, 30.0
+"""Time of motion over which what was learned is judged, and before it may be forgotten [s]."""
 
 WORSE, MOST_DISTURBED = 1.1, 0.25
 """
 Squared error in that of the fit at which what was learned is forgotten, and share of disturbances
 above which nothing is trusted.
 """
+
+SAME = 60.0
+"""Squared deviations, of ten numbers, within which a payload is none."""
 
 NO_INFLATION = 1.0
 
@@ -102,13 +113,21 @@ class Adaptation:
         self._t, self._quiet, self.n_forgotten = np.nan, np.inf, 0
         self._q = np.zeros(model.n_joints)
         self._dahl = np.zeros((model.n_joints, len(DISPLACEMENTS)))
+        self._watch, self._settling = PayloadWatch(), False
+        self._last = self.arm.last_body
+        self._body = np.zeros(BODY)  # as found so far, while it settles
+        self.payload: Payload | None = None
+        self.numbers = self.arm.start.copy()
+        self.payload_events: list[PayloadEvent] = []
         self._begin()
 
     def _begin(self) -> None:
-        """Begin with the fit, as long after it as friction remembers."""
+        """Begin with the fit, as long after it as friction remembers; a payload stays."""
+        body = self.numbers[self._last] - self.arm.start[self._last] if self.payload else 0.0
         self.numbers = self.arm.start.copy()
+        self.numbers[self._last] += body
         self.covariance = self.arm.covariance + np.diag(self._walk.variance)
-        self._squares, self._disturbed = np.zeros(2), 1.0
+        self._squares, self._disturbed, self._seconds = np.zeros(2), 1.0, 0.0
 
     @property
     def is_trusted(self) -> bool:
@@ -168,8 +187,8 @@ class Adaptation:
             torque,
             np.ascontiguousarray(slopes[..., active]),
             measured,
-            np.where(rests, np.inf, self._inflation * noise),
-            GATE,
+            np.where(rests | self._settling, np.inf, self._inflation * noise),
+            np.inf if self._settling else GATE,
             HOLD_S,
             self._quiet,
             predicted,
@@ -179,11 +198,52 @@ class Adaptation:
         self.numbers[active] = mean
         self.numbers = self.arm.possible(self.numbers, self.covariance)
         self._t, self._q = float(t[-1]), q[-1].copy()
-        learned, trusted = outcome == LEARNED, np.full(len(t), self.is_trusted)
+        learned, trusted = (
+            (outcome == LEARNED) & (not self._settling),
+            np.full(len(t), self.is_trusted),
+        )
         followed = Followed(predicted, np.sqrt(variance + noise), frozen, learned, trusted)
         std = np.where(rests, np.inf, np.sqrt(noise))
         self._judge(steps, measured, followed, std, outcome == DISTURBED)
+        left = measured - predicted, self._inflation * std**2
+        self._look_for_payload(steps, slopes[..., self._last], *left, outcome)
         return followed
+
+    def _look_for_payload(
+        self, steps: Array, slopes: Array, residual: Array, variance: Array, outcome: Array
+    ) -> None:
+        """Find a body that explains a disturbance, and learn it while it settles."""
+        watch, body = self._watch, self._body
+        first = 0
+        if not self._settling and (outcome == LEARNED).any():
+            watch.clear()
+            first = int(np.flatnonzero(outcome == LEARNED)[-1]) + 1
+        moving = np.isfinite(variance[first:]).any(axis=1)
+        seconds = float(np.minimum(steps, LONGEST_GAP_S)[first:][moving].sum())
+        watch.add(seconds, slopes[first:], (residual + slopes @ body)[first:], variance[first:])
+        if self._settling:
+            self._settle(body)
+        elif watch.is_long_enough and watch.is_payload:
+            self._settling = True
+            self._settle(body)
+        elif watch.seconds > LONGEST_S:
+            watch.clear()
+
+    def _settle(self, before: Array) -> None:
+        """Give the last link the body that explains most so far, for good when it is known."""
+        watch, kept = self._watch, self.numbers[self._last] - before
+        self._body = watch.body
+        if watch.is_settled or not watch.is_payload:
+            self._settling = False
+            if not watch.is_payload:
+                self._body = np.zeros(BODY)
+            else:
+                self._note_payload(kept, watch.covariance)
+        self.numbers[self._last] = kept + self._body
+        self.numbers = self.arm.possible(self.numbers, self.covariance)
+        if not self._settling:
+            self._body = np.zeros(BODY)
+            watch.clear()
 
     def _judge(
         self, steps: Array, measured: Array, followed: Followed, std: Array, disturbed: BoolArray
@@ -193,16 +253,28 @@ class Adaptation:
         if not moving.any():
             return
         # the time of motion, in which pauses count for a usual step
-        seconds = np.minimum(steps, LONGEST_GAP_S)[moving].sum()
+        seconds = float(np.minimum(steps, LONGEST_GAP_S)[moving].sum())
         kept = np.exp(-seconds / MEMORY_S)
         for k, tau in enumerate((followed.tau, followed.frozen)):
             ratio = np.minimum(np.abs(measured - tau) / std, GATE)
             self._squares[k] = kept * self._squares[k] + (1.0 - kept) * np.mean(ratio[moving] ** 2)
         share = float(np.mean(disturbed[moving]))
         self._disturbed = kept * self._disturbed + (1.0 - kept) * share
-        if self._squares[0] > WORSE * self._squares[1]:
+        self._seconds += seconds
+        if self._seconds > PROBATION_S and self._squares[0] > WORSE * self._squares[1]:
             self.n_forgotten += 1
             self._begin()
+
+    def _note_payload(self, kept: Array, covariance: Array) -> None:
+        """Note the whole payload; one that is put down leaves the arm as it was."""
+        start = self.arm.start[self._last]
+        whole = kept + self._body - start
+        root = np.linalg.cholesky(covariance)
+        if self.payload is not None and np.sum(np.linalg.solve(root, whole) ** 2) < SAME:
+            self._body, self.payload = start - kept, None
+        else:
+            self.payload = payload_of(whole, covariance)
+        self.payload_events.append(PayloadEvent(self._t, self.payload))
 
     def _steps(self, t: Array) -> Array:
         """Return the time since the sample before, shape (N,) [s]."""

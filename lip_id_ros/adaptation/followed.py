@@ -87,6 +87,11 @@ class FollowedArm:
         )
 
     @property
+    def last_body(self) -> slice:
+        """The ten numbers of the last link, without its rotor."""
+        return slice(self._n_links - LINK_PARAMETERS, self._n_links - 1)
+
+    @property
     def covariance(self) -> Array:
         """Covariance of the active numbers after the fit, shape (p, p)."""
         return np.asarray(self._root @ self._root.T)

@@ -61,7 +61,8 @@ def run(args: argparse.Namespace) -> None:
         dataset = models.load_for(model, args.sources, args.config, progress)
         found = replay(model, dataset, args.pause, progress=progress)
         tables = _tables(found)
-        lines = change_lines(changes(found.adaptation))
+        lines = [each.sentence() for each in found.adaptation.payload_events]
+        lines += change_lines(changes(found.adaptation))
         if args.report:
             from lip_id_ros.adaptation.report import write_report
 

@@ -1,0 +1,136 @@
+"""
+Payloads as they come: disturbances that ten more numbers of the last link explain.
+
+A generalised likelihood ratio test (Willsky and Jones, IEEE Transactions on Automatic Control
+1976): torques since a disturbance began are those of the arm with a body more, or less, at its
+last link. A contact leaves residuals that no body has.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+
+BODY = 10
+"""Numbers of a body: mass, first moments, inertias xx xy xz yy yz zz."""
+
+PRIOR_STD = np.array([5.0, *3 * (1.0,), *6 * (0.3,)])
+"""Of these numbers [kg, kg m, kg m^2]."""
+
+LEAST_S, SETTLED_S = 1.0, 5.0
+"""Motion after which a payload may be found, and after which it is known [s]."""
+
+SURE, CONSISTENT = 60.0, 3.0
+"""
+Least log likelihood ratio, and largest mean square of what remains, in that of the noise.
+"""
+
+LONGEST_S = 2.0
+"""Motion after which a disturbance that no payload explains is none [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Payload:
+    """
+    A body at the last link, in its frame; negative numbers where it is lighter than in the fit.
+
+    `mass`, `mass_std` [kg]; `centre`, `centre_std`, shape (3,) [m]: of mass, no number where the
+    mass is less than its deviation.
+
+    """
+
+    mass: float
+    mass_std: float
+    centre: Array
+    centre_std: Array
+
+
+@dataclass(frozen=True)
+class PayloadEvent:
+    """At a time [s]: a payload that was taken up, or None where the last link is as in the fit."""
+
+    t: float
+    payload: Payload | None
+
+    def sentence(self) -> str:
+        """Return what happened."""
+        if self.payload is None:
+            return f'At {self.t:.1f} s the payload is gone.'
+        own = self.payload
+        found = f'At {self.t:.1f} s the payload is {own.mass:.3g} ± {own.mass_std:.2g} kg'
+        if np.isnan(own.centre).any():
+            return f'{found}, its centre of mass unknown.'
+        centre = ' '.join(f'{x:.3f}' for x in own.centre)
+        return f'{found}, its centre of mass at ({centre}) m in the frame of the last link.'
+
+
+class PayloadWatch:
+    """Statistics of the torques since a disturbance began, for the body that explains them."""
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self.seconds, self._count, self._squares = 0.0, 0, 0.0
+        self._information, self._target = np.diag(PRIOR_STD**-2.0), np.zeros(BODY)
+
+    def add(self, seconds: float, slopes: Array, residual: Array, variance: Array) -> None:
+        """
+        Take samples of motion.
+
+        `slopes`, shape (N, n, 10): of torques by the numbers of the last link. `residual`, shape
+        (N, n): measured torques minus those without the body. `variance`, same shape: of these,
+        infinite where a joint rests.
+
+        """
+        used = np.isfinite(variance)
+        rows = slopes[used] / np.sqrt(variance[used])[:, None]
+        errors = residual[used] / np.sqrt(variance[used])
+        self.seconds += seconds
+        self._count += errors.size
+        self._squares += float(errors @ errors)
+        self._information += rows.T @ rows
+        self._target += rows.T @ errors
+
+    @property
+    def body(self) -> Array:
+        """The numbers of the body that explains most, shape (10,)."""
+        return np.asarray(np.linalg.solve(self._information, self._target))
+
+    @property
+    def covariance(self) -> Array:
+        """Their covariance, shape (10, 10)."""
+        return np.asarray(np.linalg.inv(self._information))
+
+    @property
+    def is_payload(self) -> bool:
+        """Whether a body explains the torques, surely and wholly."""
+        explained = float(self._target @ self.body)
+        left = (self._squares - explained) / max(self._count - BODY, 1)
+        return explained > 2.0 * SURE and left < CONSISTENT
+
+    @property
+    def is_long_enough(self) -> bool:
+        """Whether there is enough motion to find a payload."""
+        return self.seconds >= LEAST_S and self._count > BODY
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the payload is known."""
+        return self.seconds >= SETTLED_S
+
+
+def payload_of(body: Array, covariance: Array) -> Payload:
+    """Return mass and centre of a body with their deviations (first order)."""
+    mass, std = float(body[0]), np.sqrt(np.diagonal(covariance))
+    if abs(mass) < std[0]:
+        return Payload(mass, float(std[0]), np.full(3, np.nan), np.full(3, np.nan))
+    centre = body[1:4] / mass
+    slopes = np.column_stack([-centre, np.eye(3)]) / mass
+    spread = slopes @ covariance[:4, :4] @ slopes.T
+    return Payload(mass, float(std[0]), centre, np.sqrt(np.diagonal(spread)))

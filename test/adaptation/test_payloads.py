@@ -1,0 +1,108 @@
+"""Payloads that are taken up and put down while an arm is followed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from adaptation.arms import known_model, Stream, stream
+import numpy as np
+import pytest
+
+from lip_id_ros.adaptation.adaptation import Adaptation
+from lip_id_ros.adaptation.payloads import BODY, payload_of, PayloadWatch
+from lip_id_ros.model import InverseDynamicsModel
+
+CENTRE = np.array([0.03, -0.02, 0.12])
+
+
+def with_payload(model: InverseDynamicsModel, mass: float) -> InverseDynamicsModel:
+    """Return an arm with a small ball at its last link."""
+    assert model.arm is not None
+    links = model.arm.links.copy()
+    inertia = mass * (CENTRE @ CENTRE * np.eye(3) - np.outer(CENTRE, CENTRE) + 1e-3 * np.eye(3))
+    body = [mass, *(mass * CENTRE), *inertia[np.triu_indices(3)]]
+    links[-1, :BODY] += body
+    return replace(model, arm=replace(model.arm, links=links))
+
+
+def carried(model: InverseDynamicsModel, mass: float, seconds: float = 60.0) -> Stream:
+    """Return a motion with a payload in its second third."""
+    bare, loaded = stream(model, seconds), stream(with_payload(model, mass), seconds)
+    has = (bare.t >= seconds / 3.0) & (bare.t < 2.0 * seconds / 3.0)
+    return bare._replace(tau=np.where(has[:, None], loaded.tau, bare.tau))
+
+
+@pytest.mark.parametrize('mass', [1.0, 3.0])
+def test_a_payload_is_found_when_it_is_taken_up_and_gone_when_it_is_put_down(mass: float) -> None:
+    model = known_model()
+    adaptation = Adaptation(model)
+    data = carried(model, mass)
+    followed = adaptation.update(*data)
+    taken, put = adaptation.payload_events
+    assert 20.0 < taken.t < 29.0
+    assert 40.0 < put.t < 49.0
+    assert taken.payload is not None
+    assert put.payload is None
+    assert adaptation.payload is None
+    own = taken.payload
+    assert abs(own.mass - mass) < max(0.02 * mass, 3.0 * own.mass_std)
+    apart = np.abs(own.centre - CENTRE) > np.maximum(0.01, 3.0 * own.centre_std)
+    assert not apart.any()
+    late = (data.t > 30.0) & (data.t < 40.0)
+    error = np.sqrt(np.mean((followed.tau - data.tau)[late] ** 2))
+    frozen = np.sqrt(np.mean((followed.frozen - data.tau)[late] ** 2))
+    assert error < 0.1 * frozen
+    assert f'{own.mass:.3g}' in taken.sentence()
+    assert 'gone' in put.sentence()
+
+
+def test_an_arm_with_a_payload_is_a_model_that_has_it() -> None:
+    model = known_model()
+    adaptation = Adaptation(model)
+    adaptation.update(*stream(model, 30.0))
+    loaded = with_payload(model, 1.0)
+    adaptation.update(*stream(loaded, 40.0, seed=1, start=30.0))
+    assert adaptation.payload is not None
+    later = stream(loaded, 20.0, seed=2)
+    error = adaptation.model.predict(*later[1:4]).tau - later.tau
+    assert np.sqrt(np.mean(error**2)) < 0.03
+
+
+def test_contacts_and_changes_of_friction_are_no_payloads() -> None:
+    model = known_model()
+    adaptation = Adaptation(model)
+    data = stream(model, 300.0)
+    pushed = (data.t % 7.0 < 1.5)[:, None] * np.array([3.0, -4.0, 2.0])
+    adaptation.update(*data._replace(tau=data.tau + pushed))
+    assert adaptation.payload_events == []
+
+
+def test_a_body_is_found_by_least_squares_with_its_deviations() -> None:
+    rng = np.random.default_rng(0)
+    body = np.array([1.0, 0.03, -0.02, 0.12, 0.02, 0.001, 0.0, 0.02, 0.0, 0.002])
+    slopes = rng.normal(size=(200, 3, BODY))
+    residual = slopes @ body + 0.1 * rng.normal(size=(200, 3))
+    variance = np.full_like(residual, 0.01)
+    variance[::2, 1] = np.inf
+    residual[::2, 1] = 1e6
+    watch = PayloadWatch()
+    watch.add(10.0, slopes[:100], residual[:100], variance[:100])
+    watch.add(10.0, slopes[100:], residual[100:], variance[100:])
+    assert watch.is_payload
+    assert (np.abs(watch.body - body) < 4.0 * np.sqrt(np.diagonal(watch.covariance))).all()
+    watch.add(10.0, slopes, residual + 3.0, variance)
+    assert not watch.is_payload
+
+
+def test_the_deviation_of_a_centre_is_that_of_samples() -> None:
+    rng = np.random.default_rng(1)
+    body = np.array([2.0, 0.2, -0.1, 0.3, *np.zeros(6)])
+    root = 0.01 * rng.normal(size=(BODY, BODY))
+    own = payload_of(body, root @ root.T)
+    drawn = body + rng.normal(size=(20_000, BODY)) @ root.T
+    np.testing.assert_allclose(own.centre, body[1:4] / body[0])
+    np.testing.assert_allclose(own.mass_std, drawn[:, 0].std(), rtol=0.05)
+    np.testing.assert_allclose(
+        own.centre_std, (drawn[:, 1:4] / drawn[:, :1]).std(axis=0), rtol=0.05
+    )
+    assert np.isnan(payload_of(0.0 * body, root @ root.T).centre).all()
