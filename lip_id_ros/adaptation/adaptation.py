@@ -25,7 +25,7 @@ from lip_id_ros.joint_history import DISPLACEMENTS, JointHistory
 from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.model import InverseDynamicsModel
 
-GATE, HOLD_S = 8.0, 1.0
+GATE, HOLD_S = 6.0, 1.0
 """
 Deviations beyond which a torque is not that of the arm alone, as in contact, and the time after it
 in which nothing is learned [s].
@@ -46,8 +46,11 @@ Squared error in that of the fit at which what was learned is forgotten, and sha
 above which nothing is trusted.
 """
 
-SAME = 60.0
-"""Squared deviations, of ten numbers, within which a payload is none."""
+NOTHING = 1.0
+"""Mean square of the torques of a payload that is none, in that of the noise."""
+
+AFTER = 0.1
+"""Of the deviations of a change, where the filter begins anew."""
 
 NO_INFLATION = 1.0
 
@@ -113,21 +116,19 @@ class Adaptation:
         self._t, self._quiet, self.n_forgotten = np.nan, np.inf, 0
         self._q = np.zeros(model.n_joints)
         self._dahl = np.zeros((model.n_joints, len(DISPLACEMENTS)))
-        self._watch, self._settling = PayloadWatch(), False
-        self._last = self.arm.last_body
-        self._body = np.zeros(BODY)  # as found so far, while it settles
+        self._watch, self._last = PayloadWatch(), self.arm.last_body
         self.payload: Payload | None = None
-        self.numbers = self.arm.start.copy()
         self.payload_events: list[PayloadEvent] = []
-        self._begin()
+        self._begin(self._walk.variance)
 
-    def _begin(self) -> None:
-        """Begin with the fit, as long after it as friction remembers; a payload stays."""
-        body = self.numbers[self._last] - self.arm.start[self._last] if self.payload else 0.0
+    def _begin(self, variance: Array) -> None:
+        """Begin with the fit, and variances of what may have changed since, shape (p,)."""
         self.numbers = self.arm.start.copy()
-        self.numbers[self._last] += body
-        self.covariance = self.arm.covariance + np.diag(self._walk.variance)
+        self.covariance = self.arm.covariance + np.diag(variance)
         self._squares, self._disturbed, self._seconds = np.zeros(2), 1.0, 0.0
+        # the body as found so far, while it settles
+        self._settling, self._body = False, np.zeros(BODY)
+        self._watch.clear()
 
     @property
     def is_trusted(self) -> bool:
@@ -205,6 +206,8 @@ class Adaptation:
         followed = Followed(predicted, np.sqrt(variance + noise), frozen, learned, trusted)
         std = np.where(rests, np.inf, np.sqrt(noise))
         self._judge(steps, measured, followed, std, outcome == DISTURBED)
+        if self._seconds == 0.0:  # begun anew: what was expected is no longer
+            return followed
         left = measured - predicted, self._inflation * std**2
         self._look_for_payload(steps, slopes[..., self._last], *left, outcome)
         return followed
@@ -263,14 +266,17 @@ class Adaptation:
         self._seconds += seconds
         if self._seconds > PROBATION_S and self._squares[0] > WORSE * self._squares[1]:
             self.n_forgotten += 1
-            self._begin()
+            # what may have changed is small, or a payload would be learned as friction
+            self._begin(AFTER**2 * self._walk.variance)
+            if self.payload is not None:
+                self.payload = None
+                self.payload_events.append(PayloadEvent(self._t, None))
 
     def _note_payload(self, kept: Array, covariance: Array) -> None:
         """Note the whole payload; one that is put down leaves the arm as it was."""
         start = self.arm.start[self._last]
         whole = kept + self._body - start
-        root = np.linalg.cholesky(covariance)
-        if self.payload is not None and np.sum(np.linalg.solve(root, whole) ** 2) < SAME:
+        if self.payload is not None and self._watch.mean_square(whole) < NOTHING:
             self._body, self.payload = start - kept, None
         else:
             self.payload = payload_of(whole, covariance)

@@ -107,6 +107,11 @@ class PayloadWatch:
         """Their covariance, shape (10, 10)."""
         return np.asarray(np.linalg.inv(self._information))
 
+    def mean_square(self, body: Array) -> float:
+        """Return the mean square of the torques of a body, in that of the noise."""
+        seen = self._information - np.diag(PRIOR_STD**-2.0)
+        return float(body @ seen @ body) / max(self._count, 1)
+
     @property
     def is_payload(self) -> bool:
         """Whether a body explains the torques, surely and wholly."""
