@@ -43,7 +43,7 @@ class ModelError(LipIdError):
 
 
 class FitError(LipIdError):
-    """Fitting failed for numerical reasons."""
+    """Fitting failed for numerical reasons, or because machines that it was done on did."""
 
 
 def shortened(value: object) -> str:

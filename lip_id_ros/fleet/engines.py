@@ -15,8 +15,9 @@ from typing import Any, Protocol
 
 from threadpoolctl import threadpool_limits
 
-from lip_id_ros.errors import ConfigError, LipIdError, TransferError
+from lip_id_ros.errors import ConfigError, FitError, LipIdError, TransferError
 from lip_id_ros.fleet.cache import code_version
+from lip_id_ros.fleet.ray_pulse import INTERVAL_S, RayPulse
 from lip_id_ros.progress import Progress
 
 ATTEMPTS = 3
@@ -200,7 +201,7 @@ class RayEngine(Engine):
 
     Ray repeats a task whose worker or machine dies. Without an address one is started here with
     `jobs` workers. ConfigError if Ray is not installed, no cluster answers, or a worker has
-    another version of the code.
+    another version of the code; FitError if the cluster does not answer any more.
     """
 
     def __init__(self, address: str | None = None, jobs: int | None = None) -> None:
@@ -214,14 +215,16 @@ class RayEngine(Engine):
             ) from error
         self._ray = ray
         own = {'num_cpus': jobs, 'include_dashboard': False, 'object_store_memory': STORE_BYTES}
+        quiet = {'logging_level': 'ERROR', 'log_to_driver': False}  # outcomes have the reasons
         try:
-            ray.init(address=address or 'local', logging_level='ERROR', **({} if address else own))
+            ray.init(address=address or 'local', **quiet, **({} if address else own))
         except Exception as error:  # Ray has many kinds, some of the file system
             raise ConfigError(
                 f'a Ray cluster was expected at {address or "this machine"}, but none can be '
                 f'used ({error}); start one with `ray start`, name another address, or set '
                 'RAY_AUTH_MODE=token where the cluster asks for its token.'
             ) from error
+        self._pulse = RayPulse(ray, address)
         self._task = ray.remote(
             num_cpus=1,
             memory=TASK_BYTES,
@@ -238,20 +241,31 @@ class RayEngine(Engine):
     ) -> list[Outcome]:
         """Return the outcomes in the order of the items; see `Engine.map`."""
         results = _Results(len(items), progress, keep)
-        shared = self._ray.put(function)  # once, not with every task
-        waiting = deque(range(len(items)))
         running: dict[Any, int] = {}
         try:
-            while waiting or running:
-                while waiting and len(running) < self._most():
-                    number = waiting.popleft()
-                    running[self._task.remote(shared, items[number])] = number
-                (done, *_), _ = self._ray.wait(list(running), num_returns=1)
-                results.finish(running.pop(done), self._outcome(done))
-        finally:
-            for task in running:  # after Ctrl-C
+            self._run(function, items, results.finish, running)
+        except FitError:
+            raise  # nobody is there to cancel tasks
+        except BaseException:  # Ctrl-C, say
+            for task in running:
                 self._ray.cancel(task, force=True)
+            raise
         return results.outcomes
+
+    def _run(
+        self, function: Function, items: Sequence[Any], finish: Finish, running: dict[Any, int]
+    ) -> None:
+        shared = self._ray.put(function)  # once, not with every task
+        waiting = deque(range(len(items)))
+        while waiting or running:
+            while waiting and len(running) < self._most():
+                number = waiting.popleft()
+                running[self._task.remote(shared, items[number])] = number
+            done, _ = self._ray.wait(list(running), num_returns=1, timeout=INTERVAL_S)
+            for task in done:
+                finish(running.pop(task), self._outcome(task))
+            if not done:
+                self._pulse.require()
 
     def _most(self) -> int:
         cpus = self._ray.cluster_resources().get('CPU', 1)
@@ -262,6 +276,7 @@ class RayEngine(Engine):
             outcome: Outcome
             version, outcome = self._ray.get(task)
         except self._ray.exceptions.RayError as error:
+            self._pulse.require()
             first = (str(error).strip() or type(error).__name__).splitlines()[0]
             return Outcome(None, f'{DIED} ({first})')
         if version != code_version():

@@ -242,6 +242,52 @@ def test_a_worker_of_another_version_is_refused(tmp_path: Path) -> None:
     assert done.stdout.endswith('; install the same there.\n')
 
 
+LOSES_ITS_CLUSTER = """
+from pathlib import Path
+from threading import Thread
+from fleet.tasks import waits
+import psutil
+from lip_id_ros.errors import LipIdError
+from lip_id_ros.fleet.engines import RayEngine
+from lip_id_ros.progress import silent
+from waiting import wait_until
+
+def lose(name, place):
+    wait_until(place.exists, 'a task')
+    for process in psutil.Process().children(recursive=True):
+        if process.name() == name:
+            process.kill()
+
+place, kept = Path({place!r}), []
+with RayEngine(jobs=2) as engine:
+    Thread(target=lose, args=({name!r}, place), daemon=True).start()
+    items = [('quick', None), ('wait', place), ('wait', place)]
+    try:
+        engine.map(waits, items, silent, lambda number, value: kept.append(value))
+    except LipIdError as error:
+        print(error, kept)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('name', ['raylet', 'gcs_server'])
+def test_a_cluster_that_dies_in_mid_fit_is_one_sentence(name: str, tmp_path: Path) -> None:
+    pytest.importorskip('ray', reason='Ray is not installed')
+    script = tmp_path / 'driver.py'
+    script.write_text(LOSES_ITS_CLUSTER.format(place=str(tmp_path / 'waits'), name=name))
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        capture_output=True,
+        text=True,
+        env=os.environ | {'PYTHONPATH': import_paths()},
+        check=True,
+    )
+    assert done.stdout.startswith('the Ray cluster was expected to answer until the fit is done')
+    assert 'start it anew and fit again' in done.stdout
+    assert done.stdout.count('\n') == 1
+    assert 'Traceback' not in done.stderr
+
+
 @pytest.mark.parametrize('kind', [ConnectionError, OSError, RuntimeError, AssertionError])
 def test_an_address_without_a_cluster_is_refused(
     monkeypatch: pytest.MonkeyPatch, kind: type[Exception]
