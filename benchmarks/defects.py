@@ -19,7 +19,7 @@ from scipy.signal import butter, lfilter
 from benchmarks._changed_arms import with_gravity, with_payload, with_wrong_masses
 from benchmarks._closed_loop import FrictionalArm
 from lip_id_ros.arrays import Array
-from lip_id_ros.evaluation.cautions import summary_cautions
+from lip_id_ros.evaluation.cautions import fit_cautions
 from lip_id_ros.health import evidence_of, examine
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples
@@ -277,5 +277,5 @@ def found(samples: JointSamples) -> set[str]:
 def cautions(samples: JointSamples) -> set[str]:
     """Return what a fit reports: parts of known sentences, and other sentences whole."""
     model = fit(preprocess(samples))
-    cautions = summary_cautions(model.joint_names, model.summary)
-    return {next((part for part in CAUTIONS.values() if part in text), text) for text in cautions}
+    texts = fit_cautions(model)
+    return {next((part for part in CAUTIONS.values() if part in text), text) for text in texts}

@@ -19,10 +19,10 @@ from benchmarks.baselines.registry import MEANINGS
 from benchmarks.comparison.cell import Case, Cell, code_version, measure
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError, FitError
-from lip_id_ros.evaluation.cautions import is_useless
 from lip_id_ros.evaluation.tables import percent, Table
 from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.model import TorquePrediction
+from lip_id_ros.model.proof import is_useless, known_errors
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.settings import FitSettings
 
@@ -182,7 +182,7 @@ def meanings(cells: Sequence[Cell]) -> dict[str, str]:
 def remarks(results: Results) -> list[str]:
     """Return the failures, the models that explain nothing of a joint, and results of old code."""
     codes = (cell.code for cell in results.cells)
-    useless = _no_better_than_mean(results.cells)
+    useless = _hardly_better_than_mean(results.cells)
     return [*results.failures, *useless, *_made_by_others(codes, code_version())]
 
 
@@ -198,10 +198,12 @@ def to_json(results: Results) -> dict[str, Any]:
     }
 
 
-def _no_better_than_mean(cells: Sequence[Cell]) -> Iterator[str]:
+def _hardly_better_than_mean(cells: Sequence[Cell]) -> Iterator[str]:
     """Yield a sentence for each group with models that predict a joint as its mean would."""
     for group, by_model in groups(cells).items():
-        found = {model: _medians(some)['nmse_percent'] for model, some in by_model.items()}
+        found = {
+            model: known_errors(_medians(some)['nmse_percent']) for model, some in by_model.items()
+        }
         names = {
             model: [
                 name
@@ -213,7 +215,7 @@ def _no_better_than_mean(cells: Sequence[Cell]) -> Iterator[str]:
         if listed := [
             f'{model} at {", ".join(joints)}' for model, joints in names.items() if joints
         ]:
-            yield f'{group}: no better than the mean of the torque: {"; ".join(listed)}.'
+            yield f'{group}: hardly better than the mean of the torque: {"; ".join(listed)}.'
 
 
 def _made_by_others(codes: Iterable[str], here: str) -> list[str]:

@@ -168,7 +168,7 @@ def test_models_no_better_than_the_mean_are_named(tmp_path: Path) -> None:
     methods: dict[str, Method] = {'zero': Scaled(0.0), 'good': Scaled(1.9)}
     results = run(tmp_path, methods, [case()])
     joints = ', '.join(results.cells[0].joint_names)
-    sentence = f'pendulums: no better than the mean of the torque: zero at {joints}.'
+    sentence = f'pendulums: hardly better than the mean of the torque: zero at {joints}.'
     assert remarks(results) == [sentence]
 
 

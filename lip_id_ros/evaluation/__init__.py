@@ -4,7 +4,6 @@ from lip_id_ros.evaluation.cautions import (
     data_remarks,
     evaluation_cautions,
     fit_cautions,
-    no_better_than_mean,
 )
 from lip_id_ros.evaluation.metrics import evaluate, Evaluation, matched, Outcome, run, score
 
@@ -16,7 +15,6 @@ __all__ = [
     'evaluation_cautions',
     'fit_cautions',
     'matched',
-    'no_better_than_mean',
     'run',
     'score',
 ]

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, TypeGuard
+from typing import Any
 
 from lip_id_ros.dataset.provenance import COPIES, FINDINGS, N_NOTES, SELECTED
 from lip_id_ros.errors import ModelError
 from lip_id_ros.evaluation.metrics import Evaluation
-from lip_id_ros.evaluation.tables import percent
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.model.proof import missing_proof
+from lip_id_ros.model.proof import has_held_out, known_errors, missing_proof, useless_on
 from lip_id_ros.rigid_body.couplings import coupling_texts
 from lip_id_ros.settings import PreprocessingSettings
 
@@ -28,9 +27,6 @@ MOST_NAMES = 12
 
 MOSTLY_NEW, LITTLE_S = 0.5, 20.0
 """A motion repeats itself below this share of new motion, and shows little below that time [s]."""
-
-USELESS_PERCENT = 90.0
-"""A joint whose nMSE reaches this is predicted no better than by the mean of its torque."""
 
 
 def fit_cautions(model: InverseDynamicsModel, evaluation: Evaluation | None = None) -> list[str]:
@@ -50,7 +46,11 @@ def fit_cautions(model: InverseDynamicsModel, evaluation: Evaluation | None = No
         *summary_cautions(model.joint_names, model.summary),
         *_proof(model),
     ]
-    return texts if evaluation is None else [*texts, *evaluation_cautions(evaluation)]
+    if evaluation is None:
+        return texts
+    if has_held_out(model, evaluation.nmse_percent):  # which its proof is about
+        return [*texts, *evaluation.cautions]
+    return [*texts, *evaluation_cautions(evaluation)]
 
 
 def _proof(model: InverseDynamicsModel) -> list[str]:
@@ -76,15 +76,19 @@ def data_remarks(provenance: Mapping[str, Any]) -> list[str]:
 
 def evaluation_cautions(evaluation: Evaluation) -> list[str]:
     """Return what makes the errors of an evaluation no success, or too small."""
-    useless = no_better_than_mean(evaluation.joint_names, evaluation.nmse_percent)
-    return [*useless, *evaluation.cautions]
+    return [*_useless(evaluation), *evaluation.cautions]
+
+
+def _useless(evaluation: Evaluation) -> list[str]:
+    """Return a sentence on joints whose torque is hardly predicted, if any."""
+    errors = known_errors(evaluation.nmse_percent)
+    found = useless_on(evaluation.joint_names, [('this', errors)])
+    return [f'Do not serve this model: {found}.'] if found else []
 
 
 def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> list[str]:
     """Return what the summary of a fit says that was unusual about it, see `fit_cautions`."""
     texts = list(summary.get('description', {}).get('sentences', ()))
-    shares = summary.get('unexplained_percent', ())
-    texts += no_better_than_mean(joint_names, shares, 'On left-out training data the model')
     texts += summary.get('suspicions', ())
     if summary.get('searches_agreed') is False:
         texts.append(
@@ -165,38 +169,6 @@ def copy_cautions(provenance: Mapping[str, Any]) -> list[str]:
         f'{each["repeated"]} of {each["samples"]} samples of {each["source"]} repeat an earlier '
         'recording and were left out.'
         for each in provenance.get(COPIES, ())
-    ]
-
-
-def is_useless(nmse_percent: float | None) -> TypeGuard[float]:
-    """Whether a known error is no smaller than that of the torque's mean, or hardly."""
-    return nmse_percent is not None and nmse_percent >= USELESS_PERCENT  # nan is not
-
-
-def no_better_than_mean(
-    joint_names: Sequence[str],
-    nmse_percent: Sequence[float | None],
-    subject: str = 'The model',
-) -> list[str]:
-    """
-    Return a warning where a model predicts a torque no better than the torque's mean would.
-
-    `nmse_percent`: per joint; nan or None where the torque is constant, empty where it is unknown.
-    `subject` begins the sentence.
-    """
-    useless = [
-        (name, value)
-        for name, value in zip(joint_names, nmse_percent, strict=False)
-        if is_useless(value)
-    ]
-    if not useless:
-        return []
-    errors = ', '.join(f'{name} ({percent(value)} %)' for name, value in useless)
-    return [
-        f'{subject} predicts no better than the mean of the torque at {len(useless)} of '
-        f'{len(joint_names)} joints (error in % of the variance): {errors}. Do not serve it; '
-        'check the efforts, the order and the types of the joints with lip_id inspect, and '
-        'record more motion.'
     ]
 
 

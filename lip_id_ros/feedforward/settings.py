@@ -68,9 +68,9 @@ class ServeSettings(Settings):
     )
     accept_unproven: bool = setting(
         False,
-        'Serve models too that were not judged on motion that they had not seen, or predict no '
-        'better there than the mean of a torque; configure and reload_model refuse them '
-        'otherwise.',
+        'Serve models too that were not judged on motion that they had not seen, or leave 80 % '
+        "or more of a torque's variance unexplained there; configure and reload_model refuse "
+        'them otherwise.',
         applies=ON_LOAD,
     )
     joints: tuple[str, ...] = setting(

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 import math
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -24,8 +24,11 @@ LEAST_NEW_S = 4.0
 LEAST_HELD_OUT_S = 1.0
 """Motion of held-out samples that the training data do not have [s]."""
 
-MEAN_PERCENT = 100.0
-"""Error of the mean of a torque, in percent of its variance."""
+USELESS_PERCENT = 80.0
+"""
+Error of a joint in percent of its torque's variance, from which on a prediction is hardly better
+than the mean of the torque, whose error is 100.
+"""
 
 
 def with_held_out(
@@ -37,22 +40,31 @@ def with_held_out(
     `nmse_percent`: per joint, not a number where the torque is constant. `new_motion_s`: for how
     long they are in motion that the training data do not have [s].
     """
-    known = [None if math.isnan(value) else value for value in nmse_percent]
-    judged = {'nmse_percent': known, 'new_motion_s': round(new_motion_s, 3)}
+    judged = {'nmse_percent': known_errors(nmse_percent), 'new_motion_s': round(new_motion_s, 3)}
     return replace(model, summary={**model.summary, 'held_out': judged})
+
+
+def has_held_out(model: InverseDynamicsModel, nmse_percent: Sequence[float]) -> bool:
+    """Return whether a model has these errors on held-out samples in its summary."""
+    held_out = model.summary.get('held_out')
+    return held_out is not None and held_out['nmse_percent'] == known_errors(nmse_percent)
+
+
+def known_errors(nmse_percent: Sequence[float]) -> list[float | None]:
+    """Return errors with None where the torque is constant, and the error not a number."""
+    return [None if math.isnan(value) else value for value in nmse_percent]
 
 
 def missing_proof(model: InverseDynamicsModel) -> str | None:
     """Return what a model lacks to be proven and what to do, in half a sentence, or None."""
     summary = model.summary
-    left_out, held_out = summary.get('unexplained_percent'), summary.get('held_out')
-    if left_out is None or 'new_motion_s' not in summary:
+    left_out, held_out = summary.get('unexplained_percent', ()), summary.get('held_out')
+    judged = (('left-out', left_out), ('held-out', held_out['nmse_percent'] if held_out else ()))
+    if useless := useless_on(model.joint_names, judged):
+        return useless
+    if not left_out or 'new_motion_s' not in summary:
         return 'its file does not say on what motion it was judged; fit again'
-    return (
-        _useless(model.joint_names, left_out, 'left-out')
-        or _useless(model.joint_names, held_out['nmse_percent'] if held_out else (), 'held-out')
-        or _unseen(_left_out_s(model), held_out)
-    )
+    return _unseen(_left_out_s(model), held_out)
 
 
 def _left_out_s(model: InverseDynamicsModel) -> float:
@@ -66,15 +78,33 @@ def _left_out_s(model: InverseDynamicsModel) -> float:
     return new if model.process is None else max(new - (every - new), 0.0)
 
 
-def _useless(joint_names: Sequence[str], percent: Sequence[float | None], what: str) -> str | None:
-    pairs = zip(joint_names, percent, strict=False)
-    found = [(name, x) for name, x in pairs if x is not None and not x < MEAN_PERCENT]
-    if not found:
+def is_useless(nmse_percent: float | None) -> TypeGuard[float]:
+    """Return whether an error is hardly smaller than that of the torque's mean, or no number."""
+    return nmse_percent is not None and not nmse_percent < USELESS_PERCENT
+
+
+def useless_on(
+    joint_names: Sequence[str], judged: Sequence[tuple[str, Sequence[float | None]]]
+) -> str | None:
+    """
+    Return on what motions a model is useless at which joints and what to do, in half a sentence.
+
+    `judged`: motions with the error of each joint [%], which is None where the torque is constant.
+    None where there is no such joint.
+
+    """
+    texts = []
+    for what, errors in judged:
+        pairs = zip(joint_names, errors, strict=False)
+        if found := [f'{name} ({x:.3g} %)' for name, x in pairs if is_useless(x)]:
+            where = f'{len(found)} of {len(joint_names)} joints (error in % of the variance)'
+            hardly = 'it predicts hardly better than the mean of the torque'
+            texts.append(f'on {what} motion {hardly} at {where}: {", ".join(found)}')
+    if not texts:
         return None
-    errors = ', '.join(f'{name} ({x:.3g} %)' for name, x in found)
     return (
-        f'on {what} motion it predicts no better than the mean of the torque at {errors}; check '
-        'the recording with lip_id inspect, or record more motion'
+        f'{", and ".join(texts)}; check the efforts, the order and the types of the joints with '
+        'lip_id inspect of the recording, and record more motion'
     )
 
 

@@ -292,7 +292,7 @@ def test_a_model_that_explains_nothing_is_warned_of(tmp_path: Path) -> None:
     (tmp_path / 'samples').mkdir()
     random = replace(samples(1000), effort=np.random.default_rng(0).normal(size=(1000, 2)))
     result = run_job('fit', tmp_path / 'samples', tmp_path / 'model.npz', random)
-    assert any('no better than the mean' in sentence for sentence in result['cautions'])
+    assert any('hardly better than the mean' in sentence for sentence in result['cautions'])
 
 
 def test_held_out_samples_that_are_not_explained_are_warned_of(tmp_path: Path) -> None:
@@ -302,7 +302,7 @@ def test_held_out_samples_that_are_not_explained_are_warned_of(tmp_path: Path) -
     effort[700:] = np.random.default_rng(0).normal(size=(300, 2))
     changed = replace(recorded, effort=effort)
     result = run_job('fit', tmp_path / 'samples', tmp_path / 'model.npz', changed, holdout=0.3)
-    assert any('no better than the mean' in sentence for sentence in result['cautions'])
+    assert any('hardly better than the mean' in sentence for sentence in result['cautions'])
 
 
 def test_a_result_whose_disk_fails_is_kept_elsewhere(

@@ -148,12 +148,12 @@ def test_bars_are_the_errors() -> None:
     ]
 
 
-def test_a_joint_predicted_no_better_than_its_mean_is_called_that_in_pictures() -> None:
+def test_a_joint_that_is_hardly_predicted_is_called_that_in_pictures() -> None:
     outcome, uncertainty = assessed(swing(1), Knowing())
     evaluation = score(outcome)
     useless = replace(evaluation, nmse_percent=(95.0, *evaluation.nmse_percent[1:]))
     first, second, *_ = figures.torque(outcome, useless, uncertainty).axes
-    assert first.get_title('right') == 'no better than the mean: nMSE 95 %'
+    assert first.get_title('right') == 'hardly better than the mean: nMSE 95 %'
     assert second.get_title('right').startswith('nMSE')
     panel = figures.errors(useless).axes[0]
     (line,) = panel.get_lines()

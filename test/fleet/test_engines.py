@@ -258,14 +258,13 @@ def lose(name, place):
         if process.name() == name:
             process.kill()
 
-place, kept = Path({place!r}), []
+place = Path({place!r})
 with RayEngine(jobs=2) as engine:
     Thread(target=lose, args=({name!r}, place), daemon=True).start()
-    items = [('quick', None), ('wait', place), ('wait', place)]
     try:
-        engine.map(waits, items, silent, lambda number, value: kept.append(value))
+        engine.map(waits, [('wait', place)] * 3, silent, lambda number, value: None)
     except LipIdError as error:
-        print(error, kept)
+        print(error)
 """
 
 
@@ -282,9 +281,9 @@ def test_a_cluster_that_dies_in_mid_fit_is_one_sentence(name: str, tmp_path: Pat
         env=os.environ | {'PYTHONPATH': import_paths()},
         check=True,
     )
-    assert done.stdout.startswith('the Ray cluster was expected to answer until the fit is done')
-    assert 'start it anew and fit again' in done.stdout
-    assert done.stdout.count('\n') == 1
+    said = 'the Ray cluster was expected to answer until the fit is done, but nobody listens at'
+    (line,) = (each for each in done.stdout.splitlines() if each.startswith(said))
+    assert line.endswith('the engine local, from what the cache has.')
     assert 'Traceback' not in done.stderr
 
 

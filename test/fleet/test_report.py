@@ -50,7 +50,7 @@ def test_the_page_warns_of_joints_that_are_not_explained(tmp_path: Path) -> None
     write_fleet_report(tmp_path / 'fleet.html', replace(result, model=poor))
     page = (tmp_path / 'fleet.html').read_text()
     warning = data_of(page)['warnings'][0]
-    assert f'no better than the mean of the torque at 1 of {len(shares)} joints' in warning
+    assert f'hardly better than the mean of the torque at 1 of {len(shares)} joints' in warning
 
 
 def test_a_page_is_known_by_its_maker(tmp_path: Path) -> None:

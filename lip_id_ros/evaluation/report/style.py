@@ -16,8 +16,8 @@ import numpy as np
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.escaping import for_plot
-from lip_id_ros.evaluation.cautions import is_useless
 from lip_id_ros.joint_types import PRISMATIC, TORQUE_UNITS
+from lip_id_ros.model.proof import is_useless
 
 MEASURED = '#9aa5b1'
 TRUE = '#1f2933'
@@ -132,7 +132,7 @@ def remark(panel: Axes, nmse_percent: float | None) -> None:
     if nmse_percent is not None and not math.isnan(nmse_percent):
         text = f'nMSE {nmse_percent:.3g} %'
         if is_useless(nmse_percent):
-            text = f'no better than the mean: {text}'
+            text = f'hardly better than the mean: {text}'
         panel.set_title(text, loc='right', fontsize=11, fontweight='normal', color='#52606d')
 
 
