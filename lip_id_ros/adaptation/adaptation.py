@@ -112,7 +112,7 @@ class Adaptation:
         self.commissioned, self.arm = model, FollowedArm(model, walk or WalkSettings())
         self._walk = self.arm.walk
         self._revolute = np.asarray(~is_prismatic(model.joint_types))
-        self._inflation = float(model.summary.get('covariance_inflation', NO_INFLATION))
+        self._inflation = _inflation_of(model)
         self._t, self._quiet, self.n_forgotten = np.nan, np.inf, 0
         self._q = np.zeros(model.n_joints)
         self._dahl = np.zeros((model.n_joints, len(DISPLACEMENTS)))
@@ -316,3 +316,11 @@ class Adaptation:
         if (np.diff(times) < 0.0).any() or (times.size and times[0] < self._t):
             raise DataError('times that do not go back were expected, but they do; sort them.')
         return [times, *others]
+
+
+def _inflation_of(model: InverseDynamicsModel) -> float:
+    """Return how much longer residuals last than white noise, where the fit has estimated it."""
+    found = model.summary.get('covariance_inflation')
+    if found is None or not np.isfinite(found):
+        return NO_INFLATION
+    return float(found)

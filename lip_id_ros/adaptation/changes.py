@@ -60,11 +60,11 @@ def friction_at_speed(adaptation: Adaptation) -> tuple[Array, Array]:
 
 def _torques(adaptation: Adaptation, features: Array, covariance: Array) -> tuple[Array, Array]:
     """Return torques now, and their deviations by a covariance, for features (n, K)."""
-    count = features.shape[1]
-    own = covariance[-count:, -count:]
+    first = len(covariance) - features.shape[1]
+    own = covariance[first:, first:]
     variance = np.einsum('jk,kl,jl->j', features, own, features)
     std = np.sqrt(np.maximum(variance, np.finfo(np.float64).tiny))
-    return features @ adaptation.numbers[-count:], std
+    return features @ adaptation.numbers[adaptation.arm.friction], std
 
 
 def changes(adaptation: Adaptation) -> list[Change]:
@@ -77,7 +77,7 @@ def changes(adaptation: Adaptation) -> list[Change]:
     )
     found = []
     for what, features in kinds:
-        before = features @ arm.start[-features.shape[1] :]
+        before = features @ arm.start[arm.friction]
         now, std = _torques(adaptation, features, adaptation.covariance + arm.covariance)
         sure = np.abs(now - before) > np.maximum(SURE * std, LARGE * arm.friction_size)
         for j in np.flatnonzero(sure).tolist():

@@ -85,11 +85,22 @@ class FollowedArm:
         self._residual_gp = (
             None if model.residual_gp is None else ResidualGPMean(model.residual_gp)
         )
+        # torques of joints whose process is in place of links and friction
+        self._replaced = (
+            np.zeros(model.n_joints, dtype=np.bool_)
+            if model.residual_gp is None
+            else np.asarray(model.residual_gp.replaces, dtype=np.bool_)
+        )
 
     @property
     def last_body(self) -> slice:
         """The ten numbers of the last link, without its rotor."""
         return slice(self._n_links - LINK_PARAMETERS, self._n_links - 1)
+
+    @property
+    def friction(self) -> slice:
+        """The coefficients of friction among all numbers."""
+        return slice(self._n_links, self.start.size)
 
     @property
     def covariance(self) -> Array:
@@ -168,7 +179,9 @@ class FollowedArm:
         tau = load + own @ friction.coefficients
         if self._residual_gp is not None:
             self._residual_gp.add_to(tau, q, dq, ddq)
-        return tau, np.concatenate([regressor + slopes @ regressor, own], axis=2)
+        by_numbers = np.concatenate([regressor + slopes @ regressor, own], axis=2)
+        by_numbers[:, self._replaced] = 0.0
+        return tau, by_numbers
 
     def possible(self, numbers: Array, covariance: Array) -> Array:
         """Return the numbers of the arm that can exist with the nearest torques, (11 n + K,)."""

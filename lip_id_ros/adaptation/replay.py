@@ -58,8 +58,8 @@ class ReplayedRecording:
     def to_json(self) -> dict[str, Any]:
         """Return the figures for other programs."""
         return {
-            'frozen_nmse_percent': self.frozen_percent.tolist(),
-            'nmse_percent': self.followed_percent.tolist(),
+            'frozen_nmse_percent': _known(self.frozen_percent),
+            'nmse_percent': _known(self.followed_percent),
             'within_two_std_percent': self.within_two_std_percent.tolist(),
             'trusted_percent': float(100.0 * self.followed.trusted.mean()),
             'learned_percent': float(100.0 * self.followed.learned.mean()),
@@ -123,3 +123,8 @@ def _replayed(adaptation: Adaptation, data: Dataset, start: float) -> ReplayedRe
     torque, std = (np.array(each) for each in zip(*friction, strict=True))
     whole = Followed.joined(followed)
     return ReplayedRecording(t, data.tau, whole, t[ends - 1], torque, std)
+
+
+def _known(values: Array) -> list[float | None]:
+    """Return numbers for JSON, None where there is none."""
+    return [None if np.isnan(x) else float(x) for x in values]

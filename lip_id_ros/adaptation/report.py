@@ -85,7 +85,7 @@ def friction_figure(found: Replay) -> Figure:
     model, arm = found.adaptation.commissioned, found.adaptation.arm
     forwards, backwards = arm.friction_at_speed()
     features = 0.5 * (forwards - backwards)
-    fitted = features @ arm.start[-features.shape[1] :]
+    fitted = features @ arm.start[arm.friction]
     figure, panels = _panels(found)
     for j, panel in enumerate(panels):
         for shift, each in _shifted(found):

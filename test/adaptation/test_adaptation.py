@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from adaptation.arms import known_model, RATE_HZ, Stream, stream, with_friction
@@ -13,6 +14,7 @@ from lip_id_ros.adaptation.adaptation import Adaptation, CHUNK
 from lip_id_ros.adaptation.changes import change_lines, changes, friction_at_speed
 from lip_id_ros.adaptation.possible import can_exist
 from lip_id_ros.errors import DataError, ModelError, ShapeError
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 
@@ -202,3 +204,33 @@ def test_no_samples_are_no_change() -> None:
 def test_a_process_on_energies_cannot_be_followed() -> None:
     with pytest.raises(ModelError, match='default kernel'):
         Adaptation(random_model(MEMBER))
+
+
+def test_slopes_are_differences_of_torques_also_where_a_process_replaces_the_links() -> None:
+    model = random_model(ARTICULATED)
+    assert model.residual_gp is not None
+    assert model.residual_gp.replaces.any()
+    arm, rng = Adaptation(model).arm, np.random.default_rng(1)
+    states = rng.normal(size=(3, 4, model.n_joints))
+    _, slopes = arm.linearised(arm.start, *states)
+    for k, step in enumerate(1e-5 * np.eye(arm.start.size)):
+        above, below = (arm.linearised(arm.start + s, *states)[0] for s in (step, -step))
+        np.testing.assert_allclose(slopes[..., k], (above - below) / 2e-5, atol=1e-6)
+
+
+def test_an_arm_without_friction_has_no_friction_that_changes() -> None:
+    model = known_model()
+    assert model.arm is not None
+    friction = FrictionModel(FrictionBasis(model.n_joints, ()), np.zeros(0))
+    root = model.arm.covariance_root[: 17 * model.n_joints]
+    without = replace(model, arm=replace(model.arm, friction=friction, covariance_root=root))
+    adaptation = Adaptation(without)
+    adaptation.update(*stream(without, 5.0))
+    assert changes(adaptation) == []
+
+
+@pytest.mark.parametrize('inflation', [None, np.nan])
+def test_a_fit_that_knows_no_inflation_is_followed(inflation: float | None) -> None:
+    model = replace(known_model(), summary={'covariance_inflation': inflation})
+    followed = Adaptation(model).update(*stream(model, 5.0))
+    assert followed.learned.all()

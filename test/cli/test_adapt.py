@@ -68,3 +68,14 @@ def test_a_pause_is_a_time(day: Path, capsys: pytest.CaptureFixture[str]) -> Non
     with pytest.raises(SystemExit):
         main(['adapt', str(day / 'arm.npz'), str(day / 'cold.npz'), '--pause', '-1'])
     assert 'number of seconds' in capsys.readouterr().err
+
+
+def test_figures_of_torques_that_do_not_vary_are_none(day: Path, tmp_path: Path) -> None:
+    """A recording of one sample has no variance to compare errors with."""
+    Dataset.load(day / 'cold.npz').select(np.arange(1)).save(tmp_path / 'one.npz')
+    figures = tmp_path / 'figures.json'
+    sources = [str(day / 'arm.npz'), str(tmp_path / 'one.npz')]
+    assert main(['adapt', *sources, '--json', str(figures)]) == 0
+    (found,) = json.loads(figures.read_text())['recordings']
+    assert found['nmse_percent'] == [None] * len(TYPES)
+    assert found['seconds'] == 0.0
