@@ -58,7 +58,7 @@ def known_errors(nmse_percent: Sequence[float]) -> list[float | None]:
 def missing_proof(model: InverseDynamicsModel) -> str | None:
     """Return what a model lacks to be proven and what to do, in half a sentence, or None."""
     summary = model.summary
-    left_out, held_out = summary.get('unexplained_percent', ()), summary.get('held_out')
+    left_out, held_out = summary.get('unexplained_percent') or (), summary.get('held_out')
     judged = (('left-out', left_out), ('held-out', held_out['nmse_percent'] if held_out else ()))
     if useless := useless_on(model.joint_names, judged):
         return useless
