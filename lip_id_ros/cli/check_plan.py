@@ -166,7 +166,8 @@ def verdict(check: PlanCheck) -> str:
         return 'The plan fits.'
     if check.scale is None:
         return f'The plan does not fit, not in {SLOWEST:g} times its time either.'
-    return f'The plan does not fit. It does in {check.scale:.3f} times its time.'
+    scale = math.ceil(1e3 * check.scale) / 1e3  # with one rounded down it would not fit
+    return f'The plan does not fit. It does in {scale:.3f} times its time.'
 
 
 def figures(check: PlanCheck) -> Mapping[str, Any]:

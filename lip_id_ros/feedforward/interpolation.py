@@ -11,7 +11,14 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError, missing_joints
 
-MOST_SAMPLES = 200_000
+MOST_SAMPLES = 50_000
+"""A plan is to be sampled a few times a second: steps are longer where it takes over 250 s."""
+
+LEAST_STEPS = 4
+"""
+Of a segment, however short: accelerations of degree 3 from rest to rest are zero at both ends, and
+largest near a quarter and three quarters.
+"""
 
 BEFORE_END = 1.0 - 1e-6
 """Share of a segment at which its end is sampled: its accelerations, not those of the next."""
@@ -81,14 +88,15 @@ class Plan:
         """
         Sample what is executed, at steps of `step_s` or less, with both ends of every segment.
 
-        Longer steps are taken where there would be more than `MOST_SAMPLES`.
+        Longer steps are taken where there would be more than `MOST_SAMPLES`, shorter ones where a
+        segment would have fewer than `LEAST_STEPS`.
 
         """
         if len(self.t) == 1:
             return Motion(self.t, np.nan_to_num(self.states))
         seconds = np.diff(self.t)
         step_s = max(step_s, (self.t[-1] - self.t[0]) / MOST_SAMPLES)
-        steps = np.maximum(1, np.ceil(seconds / step_s)).astype(np.intp)
+        steps = np.maximum(LEAST_STEPS, np.ceil(seconds / step_s)).astype(np.intp)
         segment = np.repeat(np.arange(len(steps)), steps + 1)
         first = np.cumsum(steps + 1) - (steps + 1)
         share = (np.arange(len(segment)) - first[segment]) / steps[segment]

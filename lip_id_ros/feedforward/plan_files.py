@@ -132,7 +132,7 @@ def _seconds(point: Any) -> float:
         sec, nanosec = _field(after, 'secs', None), _field(after, 'nsecs', 0)
     try:
         return float(sec) + 1e-9 * float(nanosec)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DataError(
             f'time_from_start must have sec and nanosec, but is {shortened(after)}; correct it.'
         ) from None
@@ -141,7 +141,7 @@ def _seconds(point: Any) -> float:
 def _numbers(values: Any, field: str, row: int) -> Array:
     try:
         numbers = np.array([float(value) for value in values])
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DataError(
             f'{field} of point {row} must be numbers, but are {shortened(values)}; correct them.'
         ) from None

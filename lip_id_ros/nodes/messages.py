@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.signals.joints import PlannedPoint, RefusedError
+from lip_id_ros.signals.joints import PlannedPoint, Refusal, RefusedError
 from lip_id_ros.signals.status import Status
 from lip_id_ros.signals.trajectory_header import read_header
 
@@ -32,6 +32,9 @@ class Filler(Protocol):
 
 
 NANOSECONDS = 1_000_000_000
+
+MOST_SECONDS = 2**31 - 1
+"""Of a Duration."""
 
 
 def stamp_at(nanoseconds: int) -> Time:
@@ -87,7 +90,14 @@ def with_effort(plan: JointTrajectory, tau: Array) -> JointTrajectory:
 
 
 def slow_down(plan: JointTrajectory, scale: float) -> JointTrajectory:
-    """Give a plan `scale` times its time on the same way; it is changed and returned."""
+    """
+    Give a plan `scale` times its time on the same way; it is changed and returned.
+
+    RefusedError if a message cannot hold its end: the seconds would begin at the least again.
+
+    """
+    if plan.points and scale * (plan.points[-1].time_from_start.sec + 1) > MOST_SECONDS:
+        raise RefusedError(Refusal.OVERLOAD)
     for point in plan.points:
         after = point.time_from_start
         later = round(scale * (NANOSECONDS * after.sec + after.nanosec))

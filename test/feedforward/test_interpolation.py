@@ -58,9 +58,19 @@ def test_a_slower_plan_is_the_slower_motion(seed: int, n_given: int, scale: floa
 def test_both_sides_of_a_point_are_looked_at() -> None:
     states = np.full((3, 3, 1), np.nan)
     states[0, :, 0], states[1] = [0.0, 1.0, 1.0], 0.0
-    t, (_, _, ddq) = Plan(('a',), np.arange(3.0), states).motion(0.5)
-    np.testing.assert_allclose(t, [0.0, 0.5, 1.0, 1.0, 1.5, 2.0], atol=1e-5)
-    np.testing.assert_allclose(ddq[:, 0], [6.0, 0.0, -6.0, 0.0, 0.0, 0.0], atol=1e-4)
+    t, (_, _, ddq) = Plan(('a',), np.arange(3.0), states).motion(0.25)
+    expected = [0.0, 0.25, 0.5, 0.75, 1.0, 1.0, 1.25, 1.5, 1.75, 2.0]
+    np.testing.assert_allclose(t, expected, atol=1e-5)
+    expected = [6.0, 3.0, 0.0, -3.0, -6.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    np.testing.assert_allclose(ddq[:, 0], expected, atol=1e-4)
+
+
+@given(st.integers(0, 1000), st.floats(1e-4, 0.02))
+def test_no_acceleration_hides_in_a_short_segment(seed: int, seconds: float) -> None:
+    states = np.random.default_rng(seed).normal(size=(3, 2, 1))
+    made = Plan(('a',), np.array([0.0, seconds]), states)
+    largest = [np.abs(made.motion(step)[1][2]).max() for step in (0.005, seconds / 1000)]
+    assert largest[0] > 0.9 * largest[1]
 
 
 def test_a_plan_of_one_point_is_that_point() -> None:

@@ -110,6 +110,8 @@ def test_topics_of_a_bag(tmp_path: Path) -> None:
         ('- b\n', '- a\n', 'one comes twice'),
         ('  - 0.1\n', '', 'positions of point 0 must be 2 numbers like joint_names, or none'),
         ('  - 0.1\n', '  - x\n', 'positions of point 0 must be numbers'),
+        ('  - 0.1\n', f'  - {10**400}\n', 'positions of point 0 must be numbers'),
+        ('sec: 1\n', f'sec: {10**400}\n', 'time_from_start must have sec and nanosec'),
         ('  - 0.1\n', '  - .nan\n', 'positions of point 0 must be finite'),
         ('[1, 1e-1]', '[]', 'needs a finite position of each joint'),
         ('sec: 2', 'sec: two', 'time_from_start must have sec and nanosec'),

@@ -19,6 +19,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from lip_id_ros.arrays import Array
 from lip_id_ros.nodes import messages
 from lip_id_ros.recording.joint_messages import from_joint_state
+from lip_id_ros.signals.joints import RefusedError
 from lip_id_ros.signals.status import Level, Status
 
 pytestmark = pytest.mark.ros
@@ -34,6 +35,16 @@ STAMPS = st.builds(Time, sec=st.integers(0, 2**31 - 1), nanosec=st.integers(0, 9
 def test_stamps_keep_every_nanosecond(nanoseconds: int) -> None:
     stamp = messages.stamp_at(nanoseconds)
     assert stamp.sec * 10**9 + stamp.nanosec == nanoseconds
+
+
+def test_a_plan_is_not_slowed_beyond_what_a_duration_holds() -> None:
+    """Seconds of 32 bits would begin again at the least number, or at a time long passed."""
+    plan = messages.plan_message(['a'], np.array([2.0**31 - 5]), *np.zeros((3, 1, 1)))
+    with pytest.raises(RefusedError):
+        messages.slow_down(plan, 1.1)
+    plan.points[0].time_from_start.sec = 10**9
+    slower = deserialize_message(serialize_message(messages.slow_down(plan, 2.0)), JointTrajectory)
+    assert slower.points[0].time_from_start.sec == 2 * 10**9
 
 
 @given(STAMPS, VECTORS)
