@@ -92,6 +92,19 @@ def random_arm(n_joints: int, seed: int) -> RandomArm:
     return RandomArm(chain, link_parameters(numbers, scale_of(2.0, 0.2)))
 
 
+def sines(
+    rng: np.random.Generator, t: Array, n_joints: int, count: int, reach: float
+) -> tuple[Array, Array, Array]:
+    """Return sums of so many sines for each joint, within the reach, with their derivatives."""
+    w = 2.0 * np.pi * rng.uniform(0.05, 0.5, (n_joints, count))
+    a = rng.standard_normal(w.shape) / (1.0 + 2.0 * w)
+    phase = t[:, None, None] * w + rng.uniform(0.0, 2.0 * np.pi, w.shape)
+    parts = (a * np.sin(phase), a * w * np.cos(phase), -a * w**2 * np.sin(phase))
+    q, dq, ddq = (each.sum(axis=2) for each in parts)
+    scale = reach / np.abs(q).max(axis=0)
+    return scale * q, scale * dq, scale * ddq
+
+
 def motion(rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
     """Sample a minute of slow sines that reach about half a turn to both sides, at 16 Hz."""
     t = np.arange(960) / 16.0

@@ -88,17 +88,8 @@ def simulated(seed: int, events: int) -> tuple[Dataset, list[float]]:
         tau[rows] = replace(arm, links=links).torque(q[rows], dq[rows], ddq[rows])
     friction = VISCOUS * dq / dq.std(axis=0) + COULOMB * np.tanh(dq / WIDTH)
     clean = tau + size * friction
-    data = Dataset(
-        t=t,
-        q=q,
-        dq=dq,
-        ddq=ddq,
-        tau=clean + NOISE * size * rng.standard_normal(clean.shape),
-        joint_names=tuple(f'joint_{k + 1}' for k in range(N_JOINTS)),
-        joint_types=('revolute',) * N_JOINTS,
-        segment=np.zeros(t.size, dtype=np.int64),
-    )
-    return data, masses
+    measured = clean + NOISE * size * rng.standard_normal(clean.shape)
+    return Dataset.from_arrays(q, dq, ddq, measured, t=t), masses
 
 
 def body(mass: float, centre: Array) -> Array:

@@ -8,12 +8,13 @@ Each arm is fitted with a coil spring, with a gas spring, and without.
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 import json
 import time
 
 import numpy as np
 
-from benchmarks._drives import random_arm, WIDTH
+from benchmarks._drives import random_arm, sines, WIDTH
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.identify import identify
@@ -69,17 +70,8 @@ def simulated(kind: str, seed: int, number: int) -> Dataset:
     clean = links + FRICTION * size * (dq / dq.std(axis=0) + np.tanh(dq / WIDTH))
     if kind != 'none':
         clean[:, JOINT] += SPRING * size[JOINT] * spring(kind, seed, q[:, JOINT])
-    return Dataset(
-        t=t,
-        q=q,
-        dq=dq,
-        ddq=ddq,
-        tau=clean + NOISE * size * rng.standard_normal(clean.shape),
-        joint_names=tuple(f'joint_{k + 1}' for k in range(N_JOINTS)),
-        joint_types=('revolute',) * N_JOINTS,
-        segment=np.zeros(t.size, dtype=np.int64),
-        tau_noiseless=clean,
-    )
+    tau = clean + NOISE * size * rng.standard_normal(clean.shape)
+    return replace(Dataset.from_arrays(q, dq, ddq, tau, t=t), tau_noiseless=clean)
 
 
 def simulated_size(seed: int) -> Array:
@@ -109,10 +101,4 @@ def spring(kind: str, seed: int, q: Array) -> Array:
 def motion(rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
     """Return times and sums of sines within the reach, with their derivatives."""
     t = np.arange(0.0, SECONDS, 1.0 / RATE_HZ)
-    w = 2.0 * np.pi * rng.uniform(0.05, 0.5, (N_JOINTS, 6))
-    a = rng.standard_normal((N_JOINTS, 6)) / (1.0 + 2.0 * w)
-    phase = t[:, None, None] * w + rng.uniform(0.0, 2.0 * np.pi, (N_JOINTS, 6))
-    parts = (a * np.sin(phase), a * w * np.cos(phase), -a * w**2 * np.sin(phase))
-    q, dq, ddq = (each.sum(axis=2) for each in parts)
-    scale = REACH / np.abs(q).max(axis=0)
-    return t, scale * q, scale * dq, scale * ddq
+    return t, *sines(rng, t, N_JOINTS, 6, REACH)

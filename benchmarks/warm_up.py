@@ -9,12 +9,13 @@ is refitted to the last two minutes, and judged on the half minute after them.
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 import json
 import time
 
 import numpy as np
 
-from benchmarks._drives import random_arm, WIDTH
+from benchmarks._drives import random_arm, sines, WIDTH
 from lip_id_ros.adaptation.adaptation import Adaptation
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
@@ -97,26 +98,11 @@ def simulated(seed: int) -> Dataset:
         + COULOMB * coulomb[:, None] * np.tanh(dq / WIDTH)
         + OFFSET * walk
     )
-    return Dataset(
-        t=t,
-        q=q,
-        dq=dq,
-        ddq=ddq,
-        tau=clean + NOISE * size * rng.standard_normal(clean.shape),
-        joint_names=tuple(f'joint_{k + 1}' for k in range(N_JOINTS)),
-        joint_types=('revolute',) * N_JOINTS,
-        segment=np.zeros(t.size, dtype=np.int64),
-        tau_noiseless=clean,
-    )
+    tau = clean + NOISE * size * rng.standard_normal(clean.shape)
+    return replace(Dataset.from_arrays(q, dq, ddq, tau, t=t), tau_noiseless=clean)
 
 
 def motion(rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
     """Return times and sums of sines within the reach, with their derivatives."""
     t = np.arange(0.0, FIRST_S + WARM_UP_S, 1.0 / RATE_HZ)
-    w = 2.0 * np.pi * rng.uniform(0.05, 0.5, (N_JOINTS, 12))
-    a = rng.standard_normal((N_JOINTS, 12)) / (1.0 + 2.0 * w)
-    phase = t[:, None, None] * w + rng.uniform(0.0, 2.0 * np.pi, (N_JOINTS, 12))
-    parts = (a * np.sin(phase), a * w * np.cos(phase), -a * w**2 * np.sin(phase))
-    q, dq, ddq = (each.sum(axis=2) for each in parts)
-    scale = REACH / np.abs(q).max(axis=0)
-    return t, scale * q, scale * dq, scale * ddq
+    return t, *sines(rng, t, N_JOINTS, 12, REACH)

@@ -175,7 +175,7 @@ class Adaptation:
             return Followed(q, q, q, *np.zeros((2, 0), dtype=np.bool_))
         history, steps, active = self._history(t, q, dq), self._steps(t), self.arm.active
         torque, slopes = self.arm.linearised(self.numbers, q, dq, ddq, history)
-        frozen, _ = self.arm.linearised(self.arm.start, q, dq, ddq, history)
+        frozen = self.arm.fitted_torque(q, dq, ddq, history)
         noise = np.square(self.arm.noise.std_at(dq))
         rests = np.abs(dq) < NEAR_REST * self.arm.speed
         mean = self.numbers[active]
@@ -221,13 +221,11 @@ class Adaptation:
         if not self._settling and (outcome == LEARNED).any():
             watch.clear()
             first = int(np.flatnonzero(outcome == LEARNED)[-1]) + 1
-        moving = np.isfinite(variance[first:]).any(axis=1)
-        seconds = float(np.minimum(steps, LONGEST_GAP_S)[first:][moving].sum())
+        _, seconds = _motion(steps[first:], variance[first:])
         watch.add(seconds, slopes[first:], (residual + slopes @ body)[first:], variance[first:])
-        if self._settling:
-            self._settle(body)
-        elif watch.is_long_enough and watch.is_payload:
+        if watch.is_long_enough and watch.is_payload:
             self._settling = True
+        if self._settling:
             self._settle(body)
         elif watch.seconds > LONGEST_S:
             watch.clear()
@@ -252,11 +250,9 @@ class Adaptation:
         self, steps: Array, measured: Array, followed: Followed, std: Array, disturbed: BoolArray
     ) -> None:
         """Compare what was learned with the fit, and forget it where that has been better."""
-        moving = np.isfinite(std).any(axis=1)
+        moving, seconds = _motion(steps, std)
         if not moving.any():
             return
-        # the time of motion, in which pauses count for a usual step
-        seconds = float(np.minimum(steps, LONGEST_GAP_S)[moving].sum())
         kept = np.exp(-seconds / MEMORY_S)
         for k, tau in enumerate((followed.tau, followed.frozen)):
             ratio = np.minimum(np.abs(measured - tau) / std, GATE)
@@ -316,6 +312,12 @@ class Adaptation:
         if (np.diff(times) < 0.0).any() or (times.size and times[0] < self._t):
             raise DataError('times that do not go back were expected, but they do; sort them.')
         return [times, *others]
+
+
+def _motion(steps: Array, noise: Array) -> tuple[BoolArray, float]:
+    """Mark the samples at which a joint moves, and return their time, of pauses the first part."""
+    moving = np.isfinite(noise).any(axis=1)
+    return moving, float(np.minimum(steps, LONGEST_GAP_S)[moving].sum())
 
 
 def _inflation_of(model: InverseDynamicsModel) -> float:

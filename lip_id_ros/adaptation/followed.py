@@ -171,17 +171,29 @@ class FollowedArm:
         (N, n). The slopes have shape (N, n, 11 n + K).
 
         """
+        _, friction = self._parts(numbers)
+        tau, load, regressor, own = self._torque(numbers, q, dq, ddq, history)
+        slopes = friction.load_slopes(q, dq, ddq, load, history)
+        by_numbers = np.concatenate([regressor + slopes @ regressor, own], axis=2)
+        by_numbers[:, self._replaced] = 0.0
+        return tau, by_numbers
+
+    def fitted_torque(self, q: Array, dq: Array, ddq: Array, history: JointHistory) -> Array:
+        """Return the torques of the fit at N states, shape (N, n) [N m or N]."""
+        return self._torque(self.start, q, dq, ddq, history)[0]
+
+    def _torque(
+        self, numbers: Array, q: Array, dq: Array, ddq: Array, history: JointHistory
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return torques and loads, (N, n), and features of links and of friction."""
         links, friction = self._parts(numbers)
         regressor = torque_regressor(self.arm.chain, q, dq, ddq)
         load = regressor @ links.ravel()
-        slopes = friction.load_slopes(q, dq, ddq, load, history)
         own = friction_features(friction.basis, q, dq, ddq, load, history)
         tau = load + own @ friction.coefficients
         if self._residual_gp is not None:
             self._residual_gp.add_to(tau, q, dq, ddq)
-        by_numbers = np.concatenate([regressor + slopes @ regressor, own], axis=2)
-        by_numbers[:, self._replaced] = 0.0
-        return tau, by_numbers
+        return tau, load, regressor, own
 
     def possible(self, numbers: Array, covariance: Array) -> Array:
         """Return the numbers of the arm that can exist with the nearest torques, (11 n + K,)."""

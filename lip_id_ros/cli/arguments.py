@@ -100,6 +100,11 @@ def seconds(text: str) -> float:
     return _not_negative(text, 'seconds')
 
 
+def standard_deviations(text: str) -> float:
+    """Read a number of standard deviations, zero or more; argparse.ArgumentTypeError if not."""
+    return _not_negative(text, 'standard deviations')
+
+
 def _not_negative(text: str, unit: str) -> float:
     try:
         value = float(text)

@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--sigmas',
-        type=sigmas,
+        type=arguments.standard_deviations,
         default=0.0,
         metavar='K',
         help='stay K standard deviations of the torque away from the limits (default: 0)',
@@ -69,17 +69,6 @@ def torques(text: str) -> tuple[float, ...]:
     if not values or not all(0.0 < value < math.inf for value in values):
         raise argparse.ArgumentTypeError(f'expected numbers above 0 with commas, got {text!r}')
     return values
-
-
-def sigmas(text: str) -> float:
-    """Read a number of standard deviations, zero or more."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value < math.inf:
-        raise argparse.ArgumentTypeError(f'expected a number, 0 or more, got {text!r}')
-    return value
 
 
 def run(args: argparse.Namespace) -> None:

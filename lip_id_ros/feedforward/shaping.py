@@ -95,7 +95,7 @@ class Shaper:
         """
         Shape one torque (n,) of a stream; the first after safe torques begins a ramp.
 
-        `state`, shape (3, n), is what it is for; `std`, shape (n,), that of torques where they are
+        `state`, shape (3, n): its q, dq, ddq; `std`, shape (n,): its deviation where that is
         checked. The result is finite, within the limits, no further from the one before than the
         rates allow. RefusedError if a torque is not finite.
         """

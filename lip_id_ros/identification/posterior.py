@@ -52,7 +52,7 @@ SMALLEST = 1e-300
 
 
 def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, Solution, Total]:
-    """Take all samples into a fit to some, and return the posterior, and what it is of."""
+    """Return the fit to all samples, its posterior, and the solution and statistics of both."""
     fit, known = fitter.to_all_samples(fit), known_of(fitter, fit)
     some, total = fitter.some(SAMPLES), total_of(fitter, fit)
     fixed = replace(fit.geometry, rigid=True)
