@@ -215,6 +215,7 @@ precompile() {
   current precompile.log "$stamp" && return
   {
     if command -v flock >/dev/null; then flock -n 8 || exit 0; fi  # one at a time
+    current precompile.log "$stamp" && exit 0  # another has ended since
     if PYTHONPATH=$root OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 nice -n 10 \
       "$deps/venv/bin/python" scripts/precompile.py >"$deps/precompile.log" 2>&1; then
       finished precompile.log "$stamp"

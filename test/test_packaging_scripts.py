@@ -174,6 +174,10 @@ esac
 """
 
 
+def is_free(lock: Path) -> bool:
+    return subprocess.run(['flock', '-n', lock, 'true'], check=False).returncode == 0
+
+
 @pytest.mark.skipif(not shutil.which('flock'), reason='no flock')
 def test_set_ups_in_a_row_compile_once(checkout: Path, tmp_path: Path) -> None:
     for name in ('requirements-offline.txt', 'setup.py', 'setup.cfg', 'package.xml'):
@@ -187,19 +191,19 @@ def test_set_ups_in_a_row_compile_once(checkout: Path, tmp_path: Path) -> None:
     program(venv / 'pip', '').write_text(f'#!{venv}/python\n')
     command = [str(checkout / 'scripts/setup.sh'), 'run']
     named = {'PYTHON312': python, 'LIP_ID_ROS_OFFLINE': '1'}
-    starts, stamp = tmp_path / 'starts', checkout / '.deps' / 'precompile.log.stamp'
+    starts, lock = tmp_path / 'starts', checkout / '.deps' / 'precompile.lock'
 
     first = subprocess.Popen(
         command, stdout=subprocess.DEVNULL, env={'PATH': '/usr/bin:/bin', **named}
     )
     assert first.wait() == 0
     wait_until(starts.exists, 'the first compilation')
-    # each returns once what it started in the background has ended
     assert [run(command, **named).returncode for _ in range(2)] == [0, 0]
     (tmp_path / 'go').touch()
-    wait_until(stamp.exists, 'the end of the compilation')
+    wait_until(lambda: is_free(lock), 'the end of the compilation')
     run(command, **named)
     assert starts.read_text() == 'started\n'
     source.write_text('changed = True')
     run(command, **named)
-    assert starts.read_text() == 'started\nstarted\n'
+    # it compiles in the background
+    wait_until(lambda: starts.read_text() == 'started\nstarted\n', 'the second compilation')
