@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.errors import DataError, missing_joints
 
 MOST_SAMPLES = 50_000
@@ -29,6 +29,10 @@ class Motion(NamedTuple):
 
     t: Array
     states: Array
+
+    def at(self, rows: IndexArray) -> Motion:
+        """Return the motion at some of its times."""
+        return Motion(self.t[rows], self.states[:, rows])
 
     def slowed(self, scale: float) -> Motion:
         """Return the motion on the same way in `scale` times the time."""

@@ -22,6 +22,12 @@ SLOWEST = 10.0
 GRID = 12
 ACCURACY = 1e-3
 
+MOST_WATCHED = 500
+"""Samples that a factor is searched on: so many over the plan, and as many worst of each joint."""
+
+MOST_LOOKS = 5
+"""Times that all samples of a plan are looked at."""
+
 Torques = Callable[[Array, Array, Array, Array], Array]
 """Torques (N, n) of positions, velocities, accelerations (N, n) at times (N,) [s]."""
 
@@ -130,12 +136,7 @@ def check_plan(
 
 def fits(torques: Torques, plan: Plan, limits: Array) -> bool:
     """Return whether no torque of a plan is beyond its limit, shape (n,) [N m or N]."""
-    return _fits(torques, plan.motion(STEP_S), limits)
-
-
-def _fits(torques: Torques, motion: Motion, limits: Array) -> bool:
-    t, (q, dq, ddq) = motion
-    return bool((np.abs(torques(q, dq, ddq, t)) <= limits).all())
+    return not _excess(torques, plan.motion(STEP_S), limits).any()
 
 
 def fitting_scale(torques: Torques, plan: Plan, limits: Array) -> float | None:
@@ -147,24 +148,46 @@ def fitting_scale(torques: Torques, plan: Plan, limits: Array) -> float | None:
     a grid is looked through up to `SLOWEST`, and halved where the plan first fits. None if it does
     not.
 
+    A long plan is searched on few samples, among them the worst. All are looked at with the factor
+    that is found, and where they do not fit, those that do not are searched too.
+
     """
     motion = plan.motion(STEP_S)
-    if _fits(torques, motion, limits):
-        return 1.0
-    too_fast = 1.0
-    for scale in np.geomspace(1.0, SLOWEST, GRID)[1:].tolist():
-        if _fits(torques, motion.slowed(scale), limits):
+    excess = _excess(torques, motion, limits)
+    watched = np.arange(0, len(motion.t), max(1, len(motion.t) // MOST_WATCHED))
+    scale: float | None = 1.0
+    for _ in range(MOST_LOOKS):
+        if scale is None or not excess.any():
+            return scale
+        watched = np.union1d(watched, np.argsort(-excess, axis=0)[:MOST_WATCHED])
+        scale = _least_scale(torques, motion.at(watched), limits, scale)
+        if scale is not None:
+            excess = _excess(torques, motion.slowed(scale), limits)
+    return None if excess.any() else scale
+
+
+def _least_scale(torques: Torques, motion: Motion, limits: Array, too_fast: float) -> float | None:
+    """Return the least factor above `too_fast` with which a motion fits, None if none does."""
+    for scale in np.geomspace(too_fast, SLOWEST, GRID)[1:].tolist():
+        if not _excess(torques, motion.slowed(scale), limits).any():
             break
         too_fast = scale
     else:
         return None
     while scale - too_fast > ACCURACY * scale:
         middle = 0.5 * (too_fast + scale)
-        if _fits(torques, motion.slowed(middle), limits):
-            scale = middle
-        else:
+        if _excess(torques, motion.slowed(middle), limits).any():
             too_fast = middle
+        else:
+            scale = middle
     return float(scale)
+
+
+def _excess(torques: Torques, motion: Motion, limits: Array) -> Array:
+    """Return by how much torques are beyond their limits (N, n) [N m or N], 0 where they fit."""
+    t, (q, dq, ddq) = motion
+    tau = np.abs(torques(q, dq, ddq, t))
+    return np.where(tau <= limits, 0.0, tau - limits)  # one that is no number does not fit
 
 
 def _limits(limits: Sequence[float], joint_names: Sequence[str]) -> Array:

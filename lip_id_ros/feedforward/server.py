@@ -121,13 +121,14 @@ class ServedArm:
             raise RefusedError(Refusal.TOO_LONG)
         states, t = self._order.states(names, points), increasing_times(points)
         plan = Plan(self.joint_names, t, states)
-        if fits(self._torques, plan, limits):
-            return 1.0
-        slower = overload is Overload.SLOW
-        scale = fitting_scale(self._torques, plan, limits) if slower else None
+        scale: float | None
+        if overload is Overload.SLOW:
+            scale = fitting_scale(self._torques, plan, limits)
+        else:
+            scale = 1.0 if fits(self._torques, plan, limits) else None
         if scale is None:
             raise RefusedError(Refusal.OVERLOAD)
-        self._counts['slowed'] += 1
+        self._counts['slowed'] += scale > 1.0
         return scale
 
     def _torques(self, q: Array, dq: Array, ddq: Array, t: Array) -> Array:

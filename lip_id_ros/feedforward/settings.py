@@ -133,7 +133,8 @@ class ServeSettings(Settings):
     max_plan_points: int = setting(
         10_000,
         'Longest plan that is answered; longer ones are refused. Plans of more than about a '
-        'hundred points are computed in a process beside the stream, which starts with the first.',
+        'hundred points, and all where overload_policy is not cut, are computed in a process '
+        'beside the stream.',
         minimum=1,
         maximum=100_000,
     )

@@ -22,7 +22,7 @@ from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.node import NodeBase
-from lip_id_ros.nodes.plans import accept, INTERRUPTED, Planned, PlanWorker, submit
+from lip_id_ros.nodes.plans import accept, INTERRUPTED, is_slow, Planned, PlanWorker, submit
 from lip_id_ros.signals.joints import RefusedError
 
 NAME = '~/follow_joint_trajectory'
@@ -96,7 +96,8 @@ class Goals:
         self._interrupt()
 
     def watch(self) -> None:
-        """Go on with goals that were filled, or whose controller or result is missing."""
+        """Go on with goals that were filled or cancelled, or whose controller is missing."""
+        self._end_cancelled()
         planned = self._worker.take() if self._worker else None
         if planned is not None:
             handle = self._waiting.popleft()
@@ -124,7 +125,15 @@ class Goals:
         self._offered.destroy()
         self._client.destroy()
 
+    def _end_cancelled(self) -> None:
+        """End goals that nobody wants any more at once: their efforts may be long in coming."""
+        for place, handle in enumerate(self._waiting):
+            if handle is not None and handle.is_cancel_requested:
+                self._waiting[place] = None
+                self._end(handle, goals.cancelled_early())
+
     def _stop_worker(self) -> None:
+        self._end_cancelled()
         if self._worker is not None:
             self._worker.stop()
             self._worker = None
@@ -144,9 +153,10 @@ class Goals:
             if not handle.is_cancel_requested:
                 handle.executing()
             plan = handle.request.trajectory
-            if len(plan.points) > MOST_INLINE:
+            count = len(plan.points)
+            if count > 1 and is_slow(count > MOST_INLINE, self._settings):
                 raw = serialize_message(plan)
-                submit(self._worker, self._server, raw, len(plan.points), self._settings)
+                submit(self._worker, self._server, raw, count, self._settings)
                 self._waiting.append(handle)
                 return
             messages.filled(plan, self._server)
@@ -157,9 +167,6 @@ class Goals:
         """Go on with a goal whose plan was filled beside the stream."""
         with self._ending(handle):
             raw = accept(planned, self._server)
-            if handle.is_cancel_requested:
-                self._end(handle, goals.cancelled_early())
-                return
             handle.request.trajectory = deserialize_message(raw, JointTrajectory)
             self._hand_on(handle)
 

@@ -1,11 +1,12 @@
 """
-A process that answers long plans beside the stream.
+A process that answers plans beside the stream.
 
 To deserialise, compute and serialise a plan of ten thousand points takes hundreds of milliseconds
-with the interpreter held: the stream and the watch over it would stand still. So a long plan is
-passed on as it came, as bytes, to a process of its own, which runs this module, and its answer is
-published as bytes. Each frame is two lengths, a JSON header and the bytes of a message. An empty
-frame comes first, when the process has the model.
+with the interpreter held, and to look between the points of one of long duration takes as long:
+the stream and the watch over it would stand still. So such a plan is passed on as it came, as
+bytes, to a process of its own, which runs this module, and its answer is published as bytes. Each
+frame is two lengths, a JSON header and the bytes of a message. An empty frame comes first, when
+the process has the model.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from trajectory_msgs.msg import JointTrajectory
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.feedforward.loading import load_model, ModelFile
 from lip_id_ros.feedforward.server import ServedArm, Server
-from lip_id_ros.feedforward.settings import ServeSettings
+from lip_id_ros.feedforward.settings import Overload, ServeSettings
 from lip_id_ros.nodes import messages
 from lip_id_ros.processes import deadline, kill, LONGEST_START_S
 from lip_id_ros.signals.joints import Refusal, RefusedError
@@ -148,10 +149,15 @@ class PlanWorker:
         return process
 
 
+def is_slow(is_long: bool, settings: ServeSettings) -> bool:
+    """Return whether to answer a plan takes so long that it is to be done beside the stream."""
+    return is_long or settings.overload_policy != Overload.CUT
+
+
 def submit(
     worker: PlanWorker | None, server: Server, raw: bytes, n_points: int, settings: ServeSettings
 ) -> None:
-    """Have a long plan answered beside the stream; RefusedError, counted, if it cannot be."""
+    """Have a plan answered beside the stream; RefusedError, counted, if it cannot be."""
     with server.counts.references.refusing():
         server.ready_arm()
         if n_points > settings.max_plan_points:

@@ -20,7 +20,7 @@ from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.goals import Goals
 from lip_id_ros.nodes.node import NodeBase
-from lip_id_ros.nodes.plans import accept, Planned, PlanWorker, submit
+from lip_id_ros.nodes.plans import accept, is_slow, Planned, PlanWorker, submit
 from lip_id_ros.nodes.serve_outputs import (
     COMPONENT_TOPICS,
     MEASURED_TOPICS,
@@ -61,7 +61,7 @@ class Inputs:
         self._settings = ServeSettings()
         self._is_contradicted = False
         self._ages = AgeWatch()
-        # raw, since a long plan is not deserialised here
+        # raw, since a plan that takes long is not deserialised here
         self._trajectories = node.create_subscription(
             JointTrajectory,
             '~/desired_trajectory',
@@ -93,7 +93,7 @@ class Inputs:
         return [each.topic_name for each in (self._trajectories, *self._optional)]
 
     def use(self, loaded: LoadedModel, settings: ServeSettings) -> None:
-        """Answer long plans by this model from now on."""
+        """Answer plans beside the stream by this model from now on."""
         self._stop_worker()
         self._worker = PlanWorker(loaded.file) if loaded.file is not None else None
         if self._goals is not None:
@@ -101,7 +101,7 @@ class Inputs:
         self.adjust(settings)
 
     def adjust(self, settings: ServeSettings) -> None:
-        """Answer long plans by these settings."""
+        """Answer plans by these settings."""
         self._settings = settings
         self.interrupt_plans()
         if self._goals is not None:
@@ -189,7 +189,8 @@ class Inputs:
     def _answer(self, raw: bytes, age: float) -> None:
         if self._is_contradicted:
             self._refuse(Refusal.SEVERAL_PUBLISHERS)
-        if len(raw) > INLINE_BYTES and (count := self._count_points(raw)) > 1:
+        slow = is_slow(len(raw) > INLINE_BYTES, self._settings)
+        if slow and (count := self._count_points(raw)) > 1:
             submit(self._worker, self._server, raw, count, self._settings)
             return
         try:

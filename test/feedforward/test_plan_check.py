@@ -11,7 +11,15 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.feedforward.interpolation import Plan
-from lip_id_ros.feedforward.plan_check import check_plan, fitting_scale, SLOWEST, STEP_S
+from lip_id_ros.feedforward.plan_check import (
+    _least_scale,
+    check_plan,
+    fitting_scale,
+    MOST_LOOKS,
+    MOST_WATCHED,
+    SLOWEST,
+    STEP_S,
+)
 from lip_id_ros.model import InverseDynamicsModel
 
 WAY = np.array([0.8, -0.6])
@@ -64,6 +72,44 @@ def test_no_scale_helps_where_gravity_is_too_much() -> None:
     assert fitting_scale(inertial, plan(), np.full(2, 1e-6)) is None  # beyond `SLOWEST`
     limits = toy.INERTIA * LARGEST_ACCELERATION / (0.9 * SLOWEST) ** 2
     assert fitting_scale(inertial, plan(), limits) == pytest.approx(0.9 * SLOWEST, rel=2e-3)
+
+
+@given(st.integers(0, 10**6), st.floats(0.05, 0.9), st.floats(0.0, 3.0))
+def test_a_search_on_few_samples_finds_what_one_on_all_does(
+    seed: int, share: float, friction: float
+) -> None:
+    """With friction that falls with speed."""
+
+    def torques(q: Array, dq: Array, ddq: Array, t: Array) -> Array:
+        return toy.torque(q, ddq) + friction * np.exp(-5.0 * np.abs(dq)) * np.sign(dq) + dq
+
+    rng = np.random.default_rng(seed)
+    t = np.cumsum(rng.uniform(0.05, 1.0, 30))
+    q = np.cumsum(rng.normal(0.0, 0.3, (30, 2)), axis=0)
+    dq = np.gradient(q, t, axis=0)
+    made = Plan(toy.JOINTS, t, np.array([q, dq, np.gradient(dq, t, axis=0)]))
+    motion = made.motion(STEP_S)
+    assert len(motion.t) > 2 * MOST_WATCHED
+    way, velocity, acceleration = motion.states
+    largest = np.abs(torques(way, velocity, acceleration, motion.t)).max(axis=0)
+    limits = toy.WEIGHT + friction + share * largest
+    if (largest > limits).any():
+        assert fitting_scale(torques, made, limits) == _least_scale(torques, motion, limits, 1.0)
+
+
+def test_all_samples_of_a_long_plan_are_looked_at_a_few_times() -> None:
+    looks: list[int] = []
+
+    def counted(q: Array, dq: Array, ddq: Array, t: Array) -> Array:
+        looks.append(len(t))
+        return inertial(q, dq, ddq, t)
+
+    limits = 0.2e-6 * toy.INERTIA * LARGEST_ACCELERATION
+    found = fitting_scale(counted, plan(seconds=1000.0), limits)
+    assert found == pytest.approx(0.2**-0.5, rel=2e-3)
+    long = [n for n in looks if n > 10_000]
+    assert 2 <= len(long) <= MOST_LOOKS + 1
+    assert sum(looks) - sum(long) < len(looks) * 4 * MOST_WATCHED * MOST_LOOKS
 
 
 @pytest.fixture(scope='module')

@@ -233,6 +233,33 @@ def test_long_plans_are_computed_beside_the_stream(
     client.status('serve', lambda status: counted(status) == 2 + LATE)
 
 
+def test_a_plan_that_is_checked_between_its_points_holds_up_nothing(
+    ros: Ros, model_path: str
+) -> None:
+    """Two points far apart are looked at ten thousand times."""
+    graph, client = ros
+    serve = start_serve(graph, model_path=model_path, overload_policy='slow')
+    _, torques, publisher = exchange(ros)
+    answers = client.listen(JointTrajectory, PLAN)
+    (process,) = serve.children('lip_id_ros.nodes.plans')
+    suspend(process)
+    asked = plan(2)
+    asked.points[1].time_from_start.sec = 1000
+    publisher.publish(asked)
+    client.status('serve', lambda status: status['waiting'] == 1)
+    publisher.publish(GOOD)
+    client.wait_until(lambda: torques, 'answer')
+    client.status(
+        'serve', lambda status: (status['answered']['samples'], status['waiting']) == (1, 1)
+    )
+    assert not answers
+    process.resume()
+    client.wait_until(lambda: answers, 'plan')
+    client.status(
+        'serve', lambda status: (status['answered']['plans'], status['waiting']) == (1, 0)
+    )
+
+
 def test_a_worker_that_stands_still_holds_up_no_reload(model_path: str) -> None:
     worker = PlanWorker(ModelFile(model_path))
     worker.submit(serialize_message(plan(2)), ServeSettings())

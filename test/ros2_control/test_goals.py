@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 import signal
 from typing import Any, TYPE_CHECKING
@@ -23,6 +24,7 @@ from numpy.typing import ArrayLike
 from rclpy.action import ActionClient
 from rclpy.serialization import serialize_message
 from ros2_control.arm import commanded, plan, served, times
+from waiting import suspend
 
 from benchmarks._mock_controller import GAINS
 from lip_id_ros.feedforward.goals import ErrorCode
@@ -302,6 +304,42 @@ def test_a_long_goal_is_overtaken_or_cancelled_while_it_is_filled(
     counted = counts(control, 5)
     assert (counted['succeeded'], counted['canceled']) == (2, 1)
     assert counted['aborted'] + sum(counted['refused'].values()) == 2
+
+
+@contextmanager
+def filling_stands_still(control: Control) -> Iterator[None]:
+    """Hold the processes of `serve` that fill goals and plans."""
+    (serve,) = [each for each in control.graph.processes if each.log_path.stem == 'serve']
+    held = serve.children('lip_id_ros.nodes.plans')
+    for process in held:
+        suspend(process)
+    try:
+        yield
+    finally:
+        for process in held:
+            process.resume()
+
+
+@pytest.mark.parametrize(('policy', 'n_points'), [('slow', 3), ('refuse', 3), ('cut', 500)])
+def test_a_goal_that_is_filled_holds_up_nothing_and_is_cancelled_at_once(
+    control: Control, sender: Sender, policy: str, n_points: int
+) -> None:
+    """Where the times of a plan may change, torques are looked at between its points too."""
+    control.use('arm')
+    control.client.set_parameters('serve', overload_policy=policy)
+    control.client.mark('serve')
+    with filling_stands_still(control):
+        handle = sender.send(goal((0.4, 0.1), seconds=1000.0, n_points=n_points))
+        control.client.status('serve', lambda status: status['waiting'] == 1)
+        sender.cancel(handle)
+        ending, result = sender.result(handle)
+        assert (ending, result.error_code) == ('canceled', ErrorCode.SUCCESSFUL)
+        assert 'was cancelled before the controller had it' in result.error_string
+        control.client.status('serve', lambda status: status['waiting'] == 1)  # still
+    assert sender.run(goal())[0] == 'succeeded'
+    control.client.set_parameters('serve', overload_policy='cut')
+    counted = counts(control, 2)
+    assert (counted['canceled'], counted['succeeded'], counted['refused']) == (1, 1, {})
 
 
 def kill_manager(control: Control) -> None:
