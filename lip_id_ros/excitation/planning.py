@@ -173,7 +173,7 @@ def design_motion(
     learner, types = KnownArm(model.arm), model.joint_types
     states = usual_targets(config, motions) if targets is None else _states(targets, model)
     criterion = next_criterion(config, learner, states)
-    chain = chain or model.arm.chain
+    chain = _as_learned(chain, model.arm.chain)
     constraints = _constraints(config, chain, limits, model)
     constraints.require_posture(posture)
     found = design(motions, criterion, config.search, progress, constraints)
@@ -181,6 +181,11 @@ def design_motion(
     return ExcitingMotion(
         names, types, limits, found, config.motion.rate_hz, chain, config.space, learning
     )
+
+
+def _as_learned(described: Chain | None, learned: Chain) -> Chain:
+    """Return the chain of a URDF, with coupled positions as a model has them, or that of it."""
+    return learned if described is None else described._replace(couplings=learned.couplings)
 
 
 def _constraints(

@@ -3,7 +3,8 @@ The space in which an arm may move: a floor, boxes to stay out of, and one to st
 
 The origins of all joints but the first, and the tool, keep a distance to them at every time. None
 moves faster than the sum over the joints before it of their speed times the length of the arm
-between, so that what is at a distance at one sample is at nearly the same until the next.
+between, so that what is at a distance at one sample is at nearly the same until the next. Where
+reported positions are coupled, the joints are where the couplings put them.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from lip_id_ros.excitation.scaling import peaks
 from lip_id_ros.excitation.series import FourierMotion
 from lip_id_ros.excitation.settings import NONE, SpaceSettings
 from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body.couplings import coupling_matrix
 
 COARSE_HZ, FINE_HZ = 50.0, 500.0
 WEIGHT = 300.0
@@ -33,6 +35,7 @@ class Space:
 
     def __init__(self, settings: SpaceSettings, chain: Chain, limits: JointLimits) -> None:
         self._chain, self._margin = chain, settings.margin_m
+        self._matrix = coupling_matrix(chain)
         self._floor = None if settings.floor_m == NONE else float(settings.floor_m)
         self._boxes = _boxes(settings.boxes, 'space.boxes')
         self._inside = _boxes(settings.keep_in, 'space.keep_in')
@@ -48,9 +51,11 @@ class Space:
         """
         Return the places of the joints but the first, and of the tool, in the frame of the base.
 
-        Shapes (N, n, 3), and (N, n, n, 3) of their derivatives, point by joint.
+        `q`, shape (N, n): reported positions. Shapes (N, n, 3), and (N, n, n, 3) of their
+        derivatives, point by joint.
         """
         count, n = q.shape
+        q = q @ self._matrix.T
         rotation, origin = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
         axes, centres = np.empty((count, n, 3)), np.empty((count, n, 3))
         points = np.empty((count, n, 3))
@@ -71,7 +76,7 @@ class Space:
             turned = np.cross(axes[:, j, None], arms)
             slid = np.broadcast_to(axes[:, j, None], arms.shape)
             slopes[:, j:, j] = slid if self._chain.prismatic[j] else turned
-        return points, slopes
+        return points, np.einsum('tpjx,jk->tpkx', slopes, self._matrix)
 
     def clearance(self, points: Array) -> tuple[Array, Array]:
         """Return how far points (..., 3) are from the nearest limit [m], and the gradients."""
@@ -140,14 +145,14 @@ def _boxes(numbers: Sequence[float], name: str) -> list[tuple[Array, Array]]:
 
 def _reach(chain: Chain, tool: Array, limits: JointLimits) -> Array:
     """Return the largest speed of each point by each joint's unit speed, shape (n, n) [m]."""
-    n = len(chain.translations)
-    farthest = np.maximum(np.abs(limits.lower), np.abs(limits.upper))
+    n, matrix = len(chain.translations), np.abs(coupling_matrix(chain))
+    farthest = matrix @ np.maximum(np.abs(limits.lower), np.abs(limits.upper))
     slides = np.where(chain.prismatic, farthest, 0.0)
     lengths = np.append(np.linalg.norm(chain.translations, axis=1)[1:], np.linalg.norm(tool))
     out = np.zeros((n, n))
     for j in range(n):
         out[j:, j] = 1.0 if chain.prismatic[j] else np.cumsum(lengths[j:] + slides[j:])
-    return out
+    return np.asarray(out @ matrix)
 
 
 def _outside(points: Array, low: Array, high: Array) -> tuple[Array, Array]:

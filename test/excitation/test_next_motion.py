@@ -27,6 +27,7 @@ from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.effort_calibration import EffortCalibration
+from lip_id_ros.rigid_body.couplings import Coupling, rows_of
 
 NAMES, TYPES = ('turn', 'lift', 'slide'), ('revolute', 'revolute', 'prismatic')
 CALIBRATION = (EffortCalibration.identity(3),)
@@ -180,6 +181,22 @@ def test_joints_are_those_of_the_model() -> None:
     motion = replace(QUICK.motion, joints=('turn', 'lift'))
     with pytest.raises(lip.ConfigError, match=r'must be those of the model, turn, lift, slide, '):
         lip.design_motion(replace(QUICK, motion=motion), ARM, model())
+
+
+def test_a_floor_holds_where_the_model_has_coupled_positions() -> None:
+    arm = model().arm
+    assert arm is not None
+    chain = arm.chain._replace(couplings=rows_of([Coupling(1, 0, 0.5)]))
+    coupled = replace(model(), arm=replace(arm, chain=chain))
+    motion = replace(QUICK.motion, posture=(0.0, 0.2, 0.3))
+    space = lip.SpaceSettings(floor_m=0.1, margin_m=0.05)
+    found = lip.design_motion(replace(QUICK, motion=motion, space=space), ARM, coupled)
+    q = found.motion.derivative(found.motion.times(1e4), 0)
+    # of the slide's end, whose arm lifts by half of the turn too
+    heights = 0.3 - np.sin(q[:, 1] + 0.5 * q[:, 0]) * (0.2 + q[:, 2])
+    assert heights.min() >= 0.15
+    lowest = found.places(1e3)[:, -1, 2].min()
+    assert lowest == pytest.approx(heights.min(), abs=1e-3)
 
 
 @given(SEEDS)

@@ -19,6 +19,7 @@ from lip_id_ros.excitation.settings import SpaceSettings
 from lip_id_ros.excitation.space import Space
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.chain import joint_transform
+from lip_id_ros.rigid_body.couplings import Coupling, coupling_matrix, rows_of
 
 BOXES = SpaceSettings(
     floor_m=-1.0,
@@ -29,15 +30,22 @@ BOXES = SpaceSettings(
 )
 
 
+def random_arm(rng: np.random.Generator) -> Chain:
+    """Draw an arm of which every other one has coupled positions."""
+    arm = ''.join(rng.choice(['R', 'R', 'P'], size=rng.integers(2, 7)))
+    couplings = [Coupling(0, 1, 0.5), Coupling(len(arm) - 1, 0, -1.0)][: rng.choice([0, 2])]
+    return random_chain(arm, rng)._replace(couplings=rows_of(couplings))
+
+
 def random_space(seed: int, settings: SpaceSettings = BOXES) -> tuple[Space, Chain, Array]:
     rng = np.random.default_rng(seed)
-    arm = ''.join(rng.choice(['R', 'R', 'P'], size=rng.integers(2, 7)))
-    chain, limits = random_chain(arm, rng), random_limits(rng, len(arm))
+    chain = random_arm(rng)
+    limits = random_limits(rng, len(chain.prismatic))
     return Space(settings, chain, limits), chain, random_posture(rng, limits)
 
 
 def walked(chain: Chain, tool: Array, q: Array) -> Array:
-    place, points = np.eye(4), []
+    place, points, q = np.eye(4), [], coupling_matrix(chain) @ q
     for j in range(len(q)):
         rest = np.eye(4)
         rest[:3, 3] = chain.translations[j]
@@ -78,8 +86,8 @@ def test_distances_grow_along_their_gradients(seed: int) -> None:
 @given(SEEDS)
 def test_no_limit_is_passed_at_any_time(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    arm = ''.join(rng.choice(['R', 'R', 'P'], size=rng.integers(2, 7)))
-    chain, limits = random_chain(arm, rng), random_limits(rng, len(arm))
+    chain = random_arm(rng)
+    limits = random_limits(rng, len(chain.prismatic))
     posture = random_posture(rng, limits)
     space = Space(BOXES, chain, limits)
     assume(space.clearance(space.points(posture[None])[0])[0].min() > 0.001)
@@ -104,6 +112,7 @@ def test_the_penalty_has_the_gradient_of_differences() -> None:
     settings = replace(BOXES, margin_m=1.0)
     rng = np.random.default_rng(5)
     chain, limits = random_chain('RPRR', rng), random_limits(rng, 4)
+    chain = chain._replace(couplings=rows_of([Coupling(2, 1, -1.0)]))
     space, still = Space(settings, chain, limits), np.zeros((1, 4))
 
     def cost(q: Array) -> float:
