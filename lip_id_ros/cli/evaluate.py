@@ -138,7 +138,8 @@ def _rollouts(model: InverseDynamicsModel, dataset: Dataset, urdf: str | None) -
     if urdf is None:
         return errors
     description = load_description(urdf, dataset.joint_names, dataset.joint_types)
-    nominal = nominal_arm(description, dataset.gravity_compensated)
+    couplings = model.arm.chain.couplings
+    nominal = nominal_arm(description, dataset.gravity_compensated, couplings)
     return errors._replace(urdf=roll_out(nominal, dataset))
 
 

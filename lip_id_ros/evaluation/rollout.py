@@ -21,6 +21,7 @@ from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.errors import DataError
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.model.forward_dynamics import ForwardDynamics
+from lip_id_ros.rigid_body.chain import NO_COUPLINGS
 
 HORIZONS_S = (0.1, 1.0)
 FEEDBACK = 2.0
@@ -102,14 +103,20 @@ def rollout_cautions(rollouts: Rollouts, joint_names: Sequence[str]) -> list[str
     return texts
 
 
-def nominal_arm(description: RobotDescription, gravity_compensated: bool) -> ForwardDynamics:
-    """Return the arm of a URDF with its friction, without gravity if that is compensated."""
+def nominal_arm(
+    description: RobotDescription, gravity_compensated: bool, couplings: Array = NO_COUPLINGS
+) -> ForwardDynamics:
+    """
+    Return the arm of a URDF with its friction, without gravity if that is compensated.
+
+    `couplings`, shape (k, 3): of the recorded positions, as in `Chain`; a URDF knows none.
+    """
     n = len(description.joint_names)
     coefficients = np.column_stack([description.damping, description.friction, np.zeros(n)])
     basis = plain_friction(n, np.full(n, NOMINAL_SIGN_WIDTH))
     friction = FrictionModel(basis, coefficients.ravel())
     gravity = np.zeros(3) if gravity_compensated else description.chain.gravity
-    chain = description.chain._replace(gravity=gravity)
+    chain = description.chain._replace(gravity=gravity, couplings=couplings)
     return ForwardDynamics(chain, description.links, friction)
 
 

@@ -31,6 +31,7 @@ from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.friction.terms import Presliding
 from lip_id_ros.model.forward_dynamics import ForwardDynamics
+from lip_id_ros.rigid_body.couplings import Coupling, coupling_matrix, rows_of
 from lip_id_ros.simulation import panda as simulated_panda
 from lip_id_ros.simulation import SinusoidTrajectory, write_bag
 from lip_id_ros.simulation.arm import MOTION, panda_urdf
@@ -234,3 +235,17 @@ def test_the_nominal_arm_without_gravity() -> None:
     assert not nominal_arm(description, gravity_compensated=True).chain.gravity.any()
     assert nominal_arm(description, gravity_compensated=False).chain.gravity[2] < -9.0
     assert simulated_panda().joint_names == names
+
+
+def test_the_nominal_arm_of_coupled_positions() -> None:
+    names = tuple(f'panda_joint{i + 1}' for i in range(N))
+    description = load_description(panda_urdf(), names, ('revolute',) * N)
+    serial = nominal_arm(description, gravity_compensated=False)
+    couplings = rows_of([Coupling(3, 1, -1.0)])
+    coupled = nominal_arm(description, gravity_compensated=False, couplings=couplings)
+    matrix = coupling_matrix(coupled.chain)
+    assert matrix[3, 1] == -1.0
+    q, still = np.random.default_rng(0).normal(size=(4, N)), np.zeros((4, N))
+    # by virtual work, at rest
+    expected = serial.torque(q @ matrix.T, still, still) @ matrix
+    np.testing.assert_allclose(coupled.torque(q, still, still), expected, atol=1e-9)
