@@ -81,6 +81,7 @@ def run(args: argparse.Namespace) -> None:
 
 def _tables(found: Replay) -> list[Table]:
     """Return the errors of each recording: of the fit, and of the arm that is followed."""
+    from lip_id_ros.evaluation.metrics import mean_of_known
     from lip_id_ros.evaluation.tables import percent, Table
 
     tables, names = [], found.adaptation.commissioned.joint_names
@@ -92,7 +93,8 @@ def _tables(found: Replay) -> list[Table]:
                 names, frozen, followed, each.within_two_std_percent, strict=True
             )
         ]
-        rows.append(('mean of the joints', percent(frozen.mean()), percent(followed.mean()), ''))
+        means = [percent(mean_of_known(tuple(x.tolist()))) for x in (frozen, followed)]
+        rows.append(('mean of the joints', means[0], means[1], ''))
         shares = each.followed.learned.mean(), each.followed.trusted.mean()
         learned, trusted = (f'{100.0 * share:.3g} %' for share in shares)
         length = f'{each.t[-1] - each.t[0]:.3g} s'

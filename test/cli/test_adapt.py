@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import json
 from pathlib import Path
 
@@ -79,3 +80,20 @@ def test_figures_of_torques_that_do_not_vary_are_none(day: Path, tmp_path: Path)
     (found,) = json.loads(figures.read_text())['recordings']
     assert found['nmse_percent'] == [None] * len(TYPES)
     assert found['seconds'] == 0.0
+
+
+def test_the_mean_is_that_of_the_joints_whose_torque_varies(
+    day: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = Dataset.load(day / 'cold.npz')
+    tau = data.tau.copy()
+    tau[:, 1] = 0.25
+    replace(data, tau=tau).save(tmp_path / 'still.npz')
+    figures = tmp_path / 'figures.json'
+    sources = [str(day / 'arm.npz'), str(tmp_path / 'still.npz')]
+    assert main(['adapt', *sources, '--json', str(figures)]) == 0
+    (found,) = json.loads(figures.read_text())['recordings']
+    first, none, last = found['frozen_nmse_percent']
+    assert none is None
+    (row,) = (x for x in capsys.readouterr().out.splitlines() if 'mean of the joints' in x)
+    assert row.replace('│', ' ').split()[4] == f'{(first + last) / 2:.3g}'
