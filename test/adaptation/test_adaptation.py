@@ -12,6 +12,7 @@ import pytest
 
 from lip_id_ros.adaptation.adaptation import Adaptation, CHUNK
 from lip_id_ros.adaptation.changes import change_lines, changes, friction_at_speed
+from lip_id_ros.adaptation.followed import WalkSettings
 from lip_id_ros.adaptation.possible import can_exist
 from lip_id_ros.errors import DataError, ModelError, ShapeError
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
@@ -59,6 +60,18 @@ def test_what_has_changed_is_named_and_an_arm_that_has_not_is_not_blamed() -> No
     friction = [each for each in found if each.what.startswith('friction')]
     np.testing.assert_allclose([x.now / x.before for x in friction], 0.6, atol=0.05)
     assert 'standard deviations' in friction[0].sentence()
+
+
+def test_a_change_that_is_sure_but_small_is_not_named() -> None:
+    model = known_model()
+    assert model.arm is not None
+    sharp = replace(model, arm=replace(model.arm, covariance_root=0.1 * model.arm.covariance_root))
+    adaptation = Adaptation(sharp)
+    adaptation.update(*stream(with_friction(sharp, 0.95), 40.0))
+    fitted, _ = friction_at_speed(Adaptation(sharp))
+    now, std = friction_at_speed(adaptation)
+    assert (fitted - now > 6.0 * std).all()
+    assert changes(adaptation) == []
 
 
 def contact(data: Stream) -> Stream:
@@ -109,6 +122,18 @@ def test_bad_data_make_no_model_that_is_worse_than_the_fit(spoil: object) -> Non
     assert error_of(adaptation.model, later) < 1.1 * error_of(model, later)
     assert adaptation.model.arm is not None
     assert can_exist(adaptation.model.arm.links)
+
+
+def test_what_is_not_seen_returns_to_the_fit_by_two_thirds_in_the_hours_of_the_walk() -> None:
+    model = known_model()
+    adaptation = Adaptation(model, WalkSettings(hours=0.5))
+    adaptation.update(*stream(with_friction(model, 0.6), 40.0))
+    fitted, _ = friction_at_speed(Adaptation(model))
+    before, _ = friction_at_speed(adaptation)
+    last = stream(model, 1.0 / RATE_HZ, start=40.0 + 1800.0)
+    adaptation.update(*last._replace(tau=last.tau + 100.0))  # of which nothing is learned
+    now, _ = friction_at_speed(adaptation)
+    np.testing.assert_allclose((now - fitted) / (before - fitted), np.exp(-1.0), rtol=1e-3)
 
 
 def test_what_got_worse_than_the_fit_is_forgotten() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from adaptation.arms import known_model, Stream, stream
+from adaptation.arms import known_model, NOISE, Stream, stream
 import numpy as np
 import pytest
 
@@ -52,6 +52,8 @@ def test_a_payload_is_found_when_it_is_taken_up_and_gone_when_it_is_put_down(mas
     error = np.sqrt(np.mean((followed.tau - data.tau)[late] ** 2))
     frozen = np.sqrt(np.mean((followed.frozen - data.tau)[late] ** 2))
     assert error < 0.1 * frozen
+    again = data.t > put.t + 0.1
+    assert np.sqrt(np.mean((followed.tau - data.tau)[again] ** 2)) < 2.0 * NOISE
     assert f'{own.mass:.3g}' in taken.sentence()
     assert 'gone' in put.sentence()
 
