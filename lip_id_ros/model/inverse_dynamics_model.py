@@ -377,9 +377,15 @@ class InverseDynamicsModel:
         """Return what friction with a memory adds to `query` along a stream; None without one."""
         return None if self._memory is None else RunningMemory(self._memory, self._revolute)
 
-    @property
+    @cached_property
     def _memory(self) -> FrictionModel | None:
-        return None if self.arm is None else self.arm.friction.remembering
+        """Friction that depends on the history, but for joints with a process in its place."""
+        memory = None if self.arm is None else self.arm.friction.remembering
+        if memory is None or self.residual_gp is None:
+            return memory
+        replaced = self.residual_gp.replaces
+        kept = [not replaced[part.drive.joints[0]] for part in memory.basis.terms]
+        return memory.with_terms(kept) if any(kept) else None
 
     @cached_property
     def _revolute(self) -> BoolArray:

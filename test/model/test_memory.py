@@ -169,3 +169,30 @@ def test_the_file_keeps_it(model: InverseDynamicsModel, tmp_path) -> None:  # ty
     again = InverseDynamicsModel.load(tmp_path / 'model.npz')
     _, states = motion(model)
     np.testing.assert_allclose(again.predict(*states).tau, model.predict(*states).tau, rtol=1e-6)
+
+
+def test_a_process_in_place_of_friction_has_no_memory(model: InverseDynamicsModel) -> None:
+    """The last joint has a process in place of links and friction, the first one beside them."""
+    assert model.arm is not None
+    friction, n = model.arm.friction, model.n_joints
+    last = DriveTerm(Drive.of_joint(n - 1), Dahl(WIDTH, 1e-3))
+    basis = replace(friction.basis, terms=(*friction.basis.terms, last))
+    both = FrictionModel(basis, np.append(friction.coefficients, STRENGTH))
+    root = np.zeros((17 * n + basis.size, 1))
+    arm = replace(model.arm, friction=both, covariance_root=root)
+    residual_gp = random_model(ARTICULATED).residual_gp
+    assert residual_gp is not None
+    assert residual_gp.replaces.tolist() == [False] * (n - 1) + [True]
+    replaced = replace(model, arm=arm, residual_gp=residual_gp)
+    t, states = motion(model)
+    beside = remembered(replaced, states, t)
+    assert np.abs(beside[:, 0]).max() > 0.1 * STRENGTH
+    assert np.abs(beside[:, -1]).max() < 1e-12
+    stream = replaced.running_memory()
+    assert stream is not None
+    rows = zip(t.tolist(), np.stack(states, axis=1), strict=True)
+    added = np.array([stream.torque(state, now) for now, state in rows])
+    np.testing.assert_allclose(added, beside, atol=1e-9)
+    few = [each[:9] for each in states]
+    known, unknown = (replaced.torque_std(few[0], few[1], few[2], at) for at in (t[:9], None))
+    np.testing.assert_allclose(known[:, -1], unknown[:, -1])
