@@ -31,7 +31,11 @@ NUMBERS = 6
 
 
 class Space:
-    """Limits of the places of joints and tool; ConfigError if a box is none."""
+    """
+    Limits of the places of joints and tool; ConfigError if a box is none.
+
+    `reach`, shape (n, n): the largest speed of each point by each joint's unit speed [m].
+    """
 
     def __init__(self, settings: SpaceSettings, chain: Chain, limits: JointLimits) -> None:
         self._chain, self._margin = chain, settings.margin_m
@@ -45,7 +49,7 @@ class Space:
             )
         self._tool = np.array(settings.tool or (0.0, 0.0, 0.0))
         self._names = [*(f'joint {name!r}' for name in limits.joint_names[1:]), 'the tool']
-        self._reach = _reach(chain, self._tool, limits)
+        self.reach = _reach(chain, self._tool, limits)
 
     def points(self, q: Array) -> tuple[Array, Array]:
         """
@@ -113,7 +117,7 @@ class Space:
             return bool(distances.min() > 0.0)
         half = 0.5 * (t[1] - t[0])
         speeds = np.abs(motion.derivative(t, 1)) + half * peaks(motion)[2]
-        return bool(np.all(distances > half * speeds @ self._reach.T))
+        return bool(np.all(distances > half * speeds @ self.reach.T))
 
     def penalty(self, q: Array, dq: Array, ddq: Array) -> tuple[float, Array]:
         """Return what places beyond a limit cost, and its gradient, shape (3, N, n)."""

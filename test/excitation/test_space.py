@@ -70,6 +70,17 @@ def test_places_are_those_of_the_transforms(seed: int) -> None:
 
 
 @given(SEEDS)
+def test_no_point_is_faster_than_its_reach(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    chain = random_arm(rng)
+    limits = random_limits(rng, len(chain.prismatic))
+    space = Space(BOXES, chain, limits)
+    q = rng.uniform(limits.lower, limits.upper, (20, len(limits.lower)))
+    speeds = np.linalg.norm(space.points(q)[1], axis=-1)
+    assert np.all(speeds <= space.reach * (1.0 + 1e-12) + 1e-12)
+
+
+@given(SEEDS)
 def test_distances_grow_along_their_gradients(seed: int) -> None:
     space, _, _ = random_space(0)
     rng = np.random.default_rng(seed)
