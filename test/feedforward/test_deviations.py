@@ -63,6 +63,7 @@ def test_the_newest_reference_gets_its_standard_deviations(tmp_path: Path) -> No
         np.testing.assert_allclose(done.std, expected, rtol=1e-9)
         np.testing.assert_array_equal(deviations.std(10.5, 0.1), done.std)
         assert np.isinf(deviations.std(12.0, 0.1)).all()  # of a reference long ago
+        np.testing.assert_array_equal(deviations.std(12.0, 1.0), done.std)  # as often as asked for
         assert deviations.take() is None
         offer(deviations, state, 'second', 10.2)
         assert wait_for(deviations).tag == 'second'

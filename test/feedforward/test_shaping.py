@@ -242,6 +242,18 @@ def test_a_margin_widens_the_range_of_its_joint() -> None:
     assert BOX.widened(np.array([0.5, 0.0])).excess(states) == pytest.approx(1.2)
 
 
+def test_the_known_range_stays_the_same_however_often_settings_change() -> None:
+    settings = ServeSettings(range_policy='zero', range_margin=(0.5,), ramp_s=0.0)
+    rules, counts = make_rules(settings, NAMES), Counter[str]()
+    trained = TrainingRange(-np.ones((3, 3)), np.ones((3, 3)))
+    stream, tau = Shaper(rules, trained, Sent(np.zeros(3)), counts), np.ones(3)
+    for _ in range(3):
+        stream.adjust(rules)
+    np.testing.assert_array_equal(stream.sample(tau, 0.0, np.full((3, 3), 1.4), None), tau)
+    assert not stream.sample(tau, 0.1, np.full((3, 3), 1.6), None).any()
+    assert counts['out_of_range'] == 1
+
+
 def test_a_joint_that_did_not_move_may_not_move() -> None:
     still = TrainingRange(np.full((3, 1), 0.5), np.full((3, 1), 0.5))
     assert still.excess(np.full((3, 1), 0.5)) == 0.0
