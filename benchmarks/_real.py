@@ -29,6 +29,8 @@ UR10_JOINTS = (
 MED7_RATE_HZ, MED7_SCALE = 100.0, (-1.0,) * 7
 """Its efforts are minus the torques of the joints, as `lip_id inspect --efforts` diagnoses."""
 
+C1_LOGS = 'dfki_double_pendulum/C1_*.csv'
+
 TIAGO_SCALE = (1.0, 13.6, 13.6, -8.7, -8.7)
 
 
@@ -157,6 +159,18 @@ def _numbered(pattern: str, first: int, count: int) -> tuple[str, ...]:
     return tuple(pattern.format(k) for k in range(first, first + count))
 
 
+def _go2(folder: Path) -> RawRecordings:
+    """Return logs of twelve leg joints, in which stamps are repeated or late."""
+    samples = []
+    for path in sorted(folder.glob('unitree_go2_csv/*_state_history.csv')):
+        table = np.loadtxt(path, delimiter=',', ndmin=2)
+        table = table[np.concatenate([[True], np.diff(table[:, 0]) > 0.0])]
+        t, (q, dq, tau) = 1e-9 * (table[:, 0] - table[0, 0]), np.split(table[:, 1:], 3, axis=1)
+        names = _numbered('leg_joint_{}', 1, q.shape[1])
+        samples.append(JointSamples(t, q, dq, tau, names))
+    return RawRecordings(samples, RecordingSettings())
+
+
 ARMS: dict[str, RealArm] = {
     'UR10': RealArm(
         _bag(
@@ -192,3 +206,20 @@ ARMS: dict[str, RealArm] = {
     'KUKA Med 7': RealArm(_med7, 'kuka_lbr_med7/med7dock.urdf', _numbered('A{}', 1, 7)),
 }
 """By the names that the documents have for them."""
+
+
+OTHERS = {
+    'UR3': _logs(*(f'ur3_aspectum/{day}.csv' for day in ('day_2104', 'day_2125', 'train_id1'))),
+    'double pendulum, identification': lambda folder: _logs(
+        *(f'dfki_double_pendulum/{each.name}' for each in sorted(folder.glob(C1_LOGS)))
+    )(folder),
+    'double pendulum, swung up': _logs(
+        *_numbered('dfki_double_pendulum/free_acrobot_0{}.csv', 1, 4)
+    ),
+    'double pendulum, pushed': _logs(
+        *_numbered('dfki_double_pendulum/pert_acrobot_0{}.csv', 1, 4)
+    ),
+    'TIAGo, controller state': _bag('tiago_ros1_jtc_state/arm_jointstate.bag'),
+    'Unitree Go2': _go2,
+}
+"""Recordings of arms without a URDF or motion to learn from, by what they are called."""

@@ -1,8 +1,8 @@
 """
 How often `lip_id inspect` and `lip_id fit` find defects of three sizes in simulated recordings.
 
-Pandas with other masses, friction and motions, of four joints or seven; the notebook has the
-counts.
+And what they find in sound ones, which have other rates, lengths and noise, and in real ones.
+The notebook has the counts.
 
 """
 
@@ -11,224 +11,18 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
-from scipy.signal import butter, lfilter
 
-from benchmarks._changed_arms import with_gravity, with_payload, with_wrong_masses
-from benchmarks._closed_loop import FrictionalArm
-from lip_id_ros.arrays import Array
+from benchmarks._defects import CAUTIONS, DEFECTS, JOINTS, Recorded, Sensors
+from benchmarks._real import ARMS, OTHERS
 from lip_id_ros.evaluation.cautions import fit_cautions
 from lip_id_ros.health import evidence_of, examine
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples
-from lip_id_ros.simulation.arm import MOTION, panda, SimulatedArm
-from lip_id_ros.simulation.torque_controlled import JointFriction
-from lip_id_ros.simulation.trajectories import MotionLimits, SinusoidTrajectory
+from lip_id_ros.settings import RecordingSettings
 from lip_id_ros.workflow.fit import fit
-
-RATE_HZ, SECONDS = 100.0, 60.0
-POSITION_NOISE, VELOCITY_NOISE, EFFORT_NOISE = 1e-5, 2e-3, 0.05
-VISCOUS = np.array([2.0, 2.0, 1.5, 1.5, 0.5, 0.5, 0.5])
-COULOMB = np.array([2.0, 2.0, 1.5, 1.5, 0.8, 0.8, 0.8])
-DEGREES = 180.0 / np.pi
-SWAY_HZ = 0.45
-
-
-@dataclass(frozen=True, eq=False)
-class Recorded:
-    """A sound recording, and what it was made of."""
-
-    samples: JointSamples
-    arm: SimulatedArm
-    friction: JointFriction
-    motion: tuple[Array, Array, Array]
-    seed: int
-
-    @classmethod
-    def of(cls, seed: int, n_joints: int) -> Recorded:
-        """Simulate an arm, its friction, its motion and its sensors."""
-        rng = np.random.default_rng(seed)
-        arm = with_wrong_masses(panda(n_joints), 0.3, 0.05, rng)
-        size = rng.uniform(0.3, 1.5, (2, n_joints))
-        friction = JointFriction(size[0] * VISCOUS[:n_joints], size[1] * COULOMB[:n_joints])
-        parts = (getattr(MOTION, name) for name in ('q_min', 'q_max', 'dq_max', 'ddq_max'))
-        limits = MotionLimits(*(part[:n_joints] for part in parts))
-        t = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
-        motion = SinusoidTrajectory.random(limits, rng).sample(t)
-        return cls(_measured(arm, friction, motion, seed), arm, friction, motion, seed)
-
-    def of_arm(self, arm: SimulatedArm) -> Array:
-        """Return the efforts of another arm on the same motion."""
-        return _measured(arm, self.friction, self.motion, self.seed).effort
-
-    def shrunk(self, share: float) -> JointSamples:
-        """Return a smaller motion of the same arm around its mean."""
-        middle = self.motion[0].mean(axis=0)
-        q, dq, ddq = self.motion
-        small = middle + share * (q - middle), share * dq, share * ddq
-        return _measured(self.arm, self.friction, small, self.seed)
-
-
-def _measured(
-    arm: SimulatedArm, friction: JointFriction, motion: tuple[Array, Array, Array], seed: int
-) -> JointSamples:
-    rng, shape = np.random.default_rng((seed, 1)), motion[0].shape
-    effort = FrictionalArm(arm, friction).inverse_dynamics(*motion)
-    return JointSamples(
-        t=np.arange(shape[0]) / RATE_HZ,
-        position=motion[0] + POSITION_NOISE * rng.standard_normal(shape),
-        velocity=motion[1] + VELOCITY_NOISE * rng.standard_normal(shape),
-        effort=effort + EFFORT_NOISE * rng.standard_normal(shape),
-        joint_names=tuple(f'joint_{k + 1}' for k in range(shape[1])),
-        source='simulated',
-    )
-
-
-Spoil = Callable[[Recorded, float], JointSamples]
-
-
-def _effort(recorded: Recorded, joint: int, values: Array) -> JointSamples:
-    effort = recorded.samples.effort.copy()
-    effort[:, joint] = values
-    return replace(recorded.samples, effort=effort)
-
-
-def _alternating(recorded: Recorded, every: float) -> JointSamples:
-    samples = recorded.samples
-    other = np.arange(samples.n_samples)[:, np.newaxis] % int(every) == 0
-    return replace(samples, position=np.where(other, 0.0, samples.position))
-
-
-def _copied(recorded: Recorded, noise: float) -> JointSamples:
-    effort = recorded.samples.effort
-    draws = np.random.default_rng(0).standard_normal(len(effort))
-    return _effort(recorded, 1, 0.7 * effort[:, 2] + noise * effort[:, 2].std() * draws)
-
-
-def _in_degrees(recorded: Recorded, share: float) -> JointSamples:
-    small = recorded.shrunk(share)
-    return replace(small, position=DEGREES * small.position, velocity=DEGREES * small.velocity)
-
-
-def _in_revolutions(recorded: Recorded, share: float) -> JointSamples:
-    small, turns = recorded.shrunk(share), 0.5 / np.pi
-    return replace(small, position=turns * small.position, velocity=turns * small.velocity)
-
-
-def _velocities(recorded: Recorded, factor: float) -> JointSamples:
-    return replace(recorded.samples, velocity=factor * recorded.samples.velocity)
-
-
-def _times(recorded: Recorded, factor: float) -> JointSamples:
-    return replace(recorded.samples, t=factor * recorded.samples.t)
-
-
-def _turned(recorded: Recorded, joint: float) -> JointSamples:
-    return _effort(recorded, int(joint), -recorded.samples.effort[:, int(joint)])
-
-
-def _exchanged(recorded: Recorded, joint: float) -> JointSamples:
-    order = np.arange(recorded.samples.n_joints)
-    order[[int(joint), int(joint) + 1]] = int(joint) + 1, int(joint)
-    return replace(recorded.samples, effort=recorded.samples.effort[:, order])
-
-
-def _unsigned(recorded: Recorded, joints: float) -> JointSamples:
-    some = np.arange(recorded.samples.n_joints) < joints
-    effort = recorded.samples.effort
-    return replace(recorded.samples, effort=np.where(some, np.abs(effort), effort))
-
-
-def _clipped(recorded: Recorded, percent: float) -> JointSamples:
-    effort = recorded.samples.effort
-    noise = EFFORT_NOISE * np.random.default_rng(0).standard_normal(effort.shape)
-    ends = np.percentile(effort, [percent, 100.0 - percent], axis=0)
-    return replace(recorded.samples, effort=np.clip(effort, *ends) + noise)
-
-
-def _payload(recorded: Recorded, mass: float) -> JointSamples:
-    loaded = recorded.of_arm(with_payload(recorded.arm, mass, np.array([0.0, 0.0, 0.1])))
-    is_loaded = (recorded.samples.t % 8.0 < 4.0)[:, np.newaxis]
-    return replace(recorded.samples, effort=np.where(is_loaded, loaded, recorded.samples.effort))
-
-
-def _rocking(recorded: Recorded, degrees: float) -> JointSamples:
-    tilt = np.sin(degrees / DEGREES)
-    tilted = recorded.of_arm(with_gravity(recorded.arm, np.array([9.81 * tilt, 0.0, -9.81])))
-    sway = np.sin(2.0 * np.pi * SWAY_HZ * recorded.samples.t)[:, np.newaxis]
-    effort = recorded.samples.effort
-    return replace(recorded.samples, effort=effort + sway * (tilted - effort))
-
-
-def _rated(recorded: Recorded, ratio: float) -> JointSamples:
-    ratings = 0.87 * ratio ** -np.resize([0.0, 1.0], recorded.samples.n_joints)
-    return replace(recorded.samples, effort=recorded.samples.effort / ratings)
-
-
-def _drifting(recorded: Recorded, per_minute: float) -> JointSamples:
-    drift = per_minute / 60.0 * recorded.samples.t[:, np.newaxis]
-    return replace(recorded.samples, effort=recorded.samples.effort + drift)
-
-
-def _delayed(recorded: Recorded, seconds: float) -> JointSamples:
-    t, effort = recorded.samples.t, recorded.samples.effort
-    late = [np.interp(t - seconds, t, column) for column in effort.T]
-    return replace(recorded.samples, effort=np.column_stack(late))
-
-
-def _delayed_alone(recorded: Recorded, seconds: float) -> JointSamples:
-    return _effort(recorded, 1, _delayed(recorded, seconds).effort[:, 1])
-
-
-def _held(recorded: Recorded, rate_hz: float) -> JointSamples:
-    period, count = round(RATE_HZ / rate_hz), recorded.samples.n_samples
-    return _effort(recorded, 1, recorded.samples.effort[period * (np.arange(count) // period), 1])
-
-
-def _low_passed(recorded: Recorded, cutoff_hz: float) -> JointSamples:
-    low, samples = butter(1, cutoff_hz, fs=RATE_HZ), recorded.samples
-    start = samples.position[0]
-    position = start + lfilter(*low, samples.position - start, axis=0)
-    return replace(samples, position=position, velocity=lfilter(*low, samples.velocity, axis=0))
-
-
-DEFECTS: dict[str, tuple[Spoil, tuple[float, float, float], set[str]]] = {
-    'another publisher, every n-th sample': (_alternating, (10, 4, 2), {'alternating'}),
-    'effort of joint 2 that of joint 3, plus noise of': (
-        _copied,
-        (0.01, 0.001, 0.0),
-        {'effort_copied'},
-    ),
-    'degrees, motion times': (_in_degrees, (0.1, 0.2, 0.5), {'position_degrees', 'position_unit'}),
-    'revolutions, motion times': (_in_revolutions, (0.1, 0.2, 0.5), {'position_unit'}),
-    'velocities times': (_velocities, (1.05, 1.1, 1.2), {'velocity_scale'}),
-    'times of the clock times': (_times, (1.05, 1.1, 1.2), {'velocity_scale'}),
-    'sign of one effort turned, index': (_turned, (3, 2, 1), {'effort_sign'}),
-    'efforts of neighbours exchanged, index': (_exchanged, (2, 1, 0), {'effort_exchanged'}),
-    'unsigned efforts, joints': (_unsigned, (1, 2, 7), {'effort_unsigned'}),
-    'clipped below noise, percent at each end': (_clipped, (2, 5, 10), {'effort_clipped'}),
-    'payload every 4 s [kg]': (_payload, (1, 3, 6), set()),
-    'base that rocks [deg]': (_rocking, (1, 2, 5), set()),
-    'percent of ratings, ratio of neighbours': (_rated, (1.5, 3, 6), set()),
-    'offsets that drift [N m/min]': (_drifting, (1, 3, 8), set()),
-    'efforts late [s]': (_delayed, (0.02, 0.05, 0.08), {'effort_delay'}),
-    'effort of joint 2 late [s]': (_delayed_alone, (0.03, 0.05, 0.08), {'effort_delay'}),
-    'effort of joint 2 held [Hz]': (_held, (50, 20, 10), {'effort_held'}),
-    'positions low-passed [Hz]': (_low_passed, (10, 5, 2), {'effort_delay'}),
-}
-"""How to spoil a recording, the sizes from small to large, and which findings are right."""
-
-
-CAUTIONS = {
-    'revolutions, motion times': 'in revolutions',
-    'payload every 4 s [kg]': 'a payload that was taken up',
-    'base that rocks [deg]': 'A base that tilts',
-    'percent of ratings, ratio of neighbours': 'efforts seem to be motor currents',
-    'offsets that drift [N m/min]': 'Offsets of efforts drift',
-}
-"""Parts of the sentences with which a fit reports what no finding does."""
 
 
 def main(arguments: list[str]) -> int:
@@ -236,8 +30,10 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog='benchmarks defects', description=__doc__)
     parser.add_argument('--arms', type=int, default=20)
     parser.add_argument('--fits', type=int, default=0, help='arms whose recordings are fitted too')
-    parser.add_argument('--joints', type=int, nargs='+', default=[4, 7], choices=range(4, 8))
+    parser.add_argument('--joints', type=int, nargs='*', default=[4, 7], choices=JOINTS)
     parser.add_argument('--only', nargs='+', choices=tuple(DEFECTS), default=tuple(DEFECTS))
+    parser.add_argument('--sound', type=int, default=200, help='sound recordings of any kind')
+    parser.add_argument('--data', type=Path, help='folder of real recordings')
     options = parser.parse_args(arguments)
     for n_joints in options.joints:
         arms = [Recorded.of(seed, n_joints) for seed in range(max(options.arms, options.fits))]
@@ -247,7 +43,26 @@ def main(arguments: list[str]) -> int:
         right = {name: {CAUTIONS[name]} for name in options.only if name in CAUTIONS}
         for line in lines('fit', cautions, arms[: options.fits], right):
             print(line, flush=True)
+    alarms = Counter(each for seed in range(options.sound) for each in found(sound(seed)))
+    print(f'inspect of {options.sound} sound recordings: {dict(alarms)}', flush=True)
+    for line in real(options.data) if options.data else ():
+        print(line, flush=True)
     return 0
+
+
+def sound(seed: int) -> JointSamples:
+    """Return a sound recording of an arm of 4 to 7 joints, with any usual sensors."""
+    rng = np.random.default_rng((seed, 2))
+    n_joints = int(rng.choice(JOINTS))
+    return Recorded.of(seed, n_joints, Sensors.random(rng)).samples
+
+
+def real(folder: Path) -> Iterator[str]:
+    """Yield for each kind of real recording how many there are, and findings in them."""
+    for name, load in {**{name: arm.load for name, arm in ARMS.items()}, **OTHERS}.items():
+        raw = load(folder)
+        codes = Counter(code for each in raw.samples for code in found(each, raw.recording))
+        yield f'{name}: {len(raw.samples)} recordings, {dict(codes)}'
 
 
 def lines(
@@ -268,9 +83,9 @@ def lines(
         yield f'| {name} | {" | ".join(cells)} |'
 
 
-def found(samples: JointSamples) -> set[str]:
+def found(samples: JointSamples, recording: RecordingSettings | None = None) -> set[str]:
     """Return the codes of errors and warnings."""
-    findings = examine(evidence_of(samples))
+    findings = examine(evidence_of(samples, recording))
     return {finding.code for finding in findings if finding.severity != 'note'}
 
 

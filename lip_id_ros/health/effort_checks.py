@@ -120,8 +120,8 @@ def effort_exchanged(evidence: Evidence) -> Iterator[JointText]:
     """The efforts of two joints answer to the motion of each other rather than to their own."""
     if evidence.responses is None:
         return
-    inertia, friction = (np.triu(each.crossed, 1) for each in evidence.responses)
-    crossed = np.hypot(inertia, friction)
+    squares = sum(np.abs(each.crossed) * each.crossed for each in evidence.responses)
+    crossed = np.sqrt(np.maximum(np.triu(squares, 1), 0.0))
     one, other = np.unravel_index(int(np.argmax(crossed)), crossed.shape)
     if crossed[one, other] > EXCHANGED:
         names = f'{evidence.names[one]} and {evidence.names[other]}'

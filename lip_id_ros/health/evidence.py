@@ -42,6 +42,9 @@ STILL = 1e-3
 CONSTANT = 1e-5
 """Range of a signal that is constant, over its largest value or 1 [rad/s, N m, A]."""
 
+COARSE_EFFORT = 0.1
+"""Step of an effort, in its standard deviations, above which it does not show inertia."""
+
 _TOP_WIDTH = 0.002
 _LEAST_TOP = 0.005
 _TOP_OVER_NEXT = 5
@@ -79,6 +82,11 @@ class Signal:
     def step(self) -> float:
         """Step of a quantised signal, 0 where there is none."""
         return quantum(self.values)
+
+    @cached_property
+    def coarseness(self) -> float:
+        """Return the step in standard deviations, 0 where there is none."""
+        return self.step / float(np.std(self.some_values())) if self.step > 0.0 else 0.0
 
     def some_values(self) -> Array:
         """Return all values, or very many of them at even distances."""
@@ -139,7 +147,7 @@ class Joint:
     the recording is too short. `velocity_*` as in `motion.VelocityAgreement`, `effort_explained`
     and `friction_*` as in `motion.EffortRegression`. `effort_period`: samples over which the
     effort of this joint is held while those of others change. `braking`: inertia and friction in
-    standard errors, together; negative where the sign is reversed.
+    standard errors, together; negative where the sign is reversed, not known of a coarse effort.
     """
 
     name: str
@@ -298,7 +306,7 @@ class Evidence:
             figures['effort_explained'] = float(explanation.explained[k])
             figures['friction_cosine'] = float(explanation.friction_cosine[k])
             figures['friction_weight'] = float(explanation.friction_weight[k])
-        if self.responses is not None:
+        if self.responses is not None and signals['effort'].coarseness < COARSE_EFFORT:
             figures['braking'] = float(sum(each.own[k] for each in self.responses)) / 2.0**0.5
         kind = self.joint_types[k]
         return Joint(

@@ -42,14 +42,18 @@ class Responses:
 
     @property
     def crossed(self) -> Array:
-        """Return in standard errors by how much pairs answer rather to each other, (n, n)."""
+        """
+        Return in standard errors by how much pairs answer rather to each other, (n, n).
+
+        Negative where they answer rather to their own motion.
+        """
         value, error, own = self.value, self.error, np.diag(self.value)
         excess = value * value.T - np.outer(own, own)
         across, along = value * error.T, np.outer(own, np.diag(self.error))
         deviation = np.sqrt(across**2 + across.T**2 + along**2 + along.T**2)
-        each = value / error
-        crossed: Array = np.minimum(np.minimum(each, each.T), excess / deviation)
-        return np.maximum(np.nan_to_num(crossed), 0.0)
+        each, rather = value / error, np.nan_to_num(excess / deviation)
+        both = np.maximum(np.nan_to_num(np.minimum(each, each.T)), 0.0)
+        return np.asarray(np.minimum(both, rather))
 
 
 def responses(motion: SmoothMotion, lag_s: float) -> tuple[Responses, Responses]:

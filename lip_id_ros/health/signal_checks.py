@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.health.evidence import Evidence, Joint
+from lip_id_ros.health.evidence import COARSE_EFFORT, Evidence, Joint
 from lip_id_ros.health.finding import check, joint_check, JointText, Severity
 from lip_id_ros.preprocessing.continuity import (
     BLOCKS,
@@ -25,7 +25,7 @@ MOST_JITTER = 0.2
 MOST_DROPPED = 0.01
 MOST_STALE = 0.01
 MOST_GAPS_PER_MINUTE = 6.0
-COARSE = {'position': 0.01, 'velocity': 0.1, 'effort': 0.1}
+COARSE = {'position': 0.01, 'velocity': 0.1, 'effort': COARSE_EFFORT}
 """Largest step in standard deviations of the signal."""
 FROZEN_S = 1.0
 FROZEN_SHARE = 0.2
@@ -208,13 +208,11 @@ def coarse(joint: Joint) -> Iterator[str]:
     That is 1 % for a position, 10 % for a velocity or effort.
     """
     for name, signal in joint.signals.items():
-        if signal.step > 0.0 and joint.moves:
-            deviation = float(np.std(signal.some_values()))
-            if signal.step > COARSE[name] * deviation:
-                yield (
-                    f'the {name} of {joint.name} comes in steps of {signal.step:.3g}, '
-                    f'{100 * signal.step / deviation:.2g} % of its standard deviation'
-                )
+        if joint.moves and signal.coarseness > COARSE[name]:
+            yield (
+                f'the {name} of {joint.name} comes in steps of {signal.step:.3g}, '
+                f'{100 * signal.coarseness:.2g} % of its standard deviation'
+            )
 
 
 @joint_check('frozen', Severity.WARNING, 'leave this part of the recording out')

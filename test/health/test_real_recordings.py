@@ -10,6 +10,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.health import evidence_of, examine
 from lip_id_ros.recording import JointSamples, read_bag
+from lip_id_ros.recording.reading import read_log
 from lip_id_ros.settings import RecordingSettings
 
 ARM = RecordingSettings(joint_types=('prismatic',) + ('revolute',) * 7)
@@ -70,6 +71,12 @@ def test_kuka_without_velocities_is_too_short(shared_data: Path) -> None:
     q, tau = columns[:, :7], columns[:, 7:14]
     samples = samples_of(np.arange(len(q)) / 100.0, q, np.full_like(q, np.nan), tau)
     assert set(found(samples)) == {'short', 'velocity_missing', 'together'}
+
+
+def test_an_effort_of_a_drive_without_power_is_not_reversed(shared_data: Path) -> None:
+    """In the log only motor 1 is powered; the effort of joint 2 comes in 0.2 of its deviations."""
+    samples = read_log(shared_data / 'dfki_double_pendulum' / 'C1_0629_144115.csv')
+    assert set(found(samples)) == {'short', 'coarse', 'effort_small'}
 
 
 def test_legs_of_go2_have_gaps_and_bursts(shared_data: Path) -> None:
