@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> None:
     for number, check in enumerate(checks, start=1):
         title = f'Plan {number} of {len(checks)}' if len(checks) > 1 else 'Plan'
         show(_table(f'{title}, {check.duration_s:.3g} s', model.joint_types, check), console)
-        show_lines([verdict(check)], console)
+        show_lines([*filter(None, [check.caution]), verdict(check)], console)
     output.write_json(args.json, {'plans': [figures(check) for check in checks]})
     if unfit := [number for number, check in enumerate(checks, start=1) if not check.fits]:
         which = f'plans {", ".join(map(str, unfit))}' if len(checks) > 1 else 'the plan'
@@ -167,6 +167,7 @@ def figures(check: PlanCheck) -> Mapping[str, Any]:
     return {
         'fits': check.fits,
         'scale': check.scale,
+        'caution': check.caution,
         'duration_s': check.duration_s,
         'joints': loads,
     }

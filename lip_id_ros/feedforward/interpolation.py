@@ -77,6 +77,18 @@ class Plan:
                 'out the accelerations.'
             )
 
+    @property
+    def caution(self) -> str:
+        """What its torques lack, as a sentence; empty where nothing is missing."""
+        n_points = int(np.isnan(self.states[1]).any(axis=-1).sum())
+        if len(self.t) == 1 or not n_points:
+            return ''
+        return (
+            f'{n_points} of {len(self.t)} points have no velocities, so that the motion has '
+            'corners: torques of inertia are missing, and friction is that of straight lines; '
+            'time the plan where it is made.'
+        )
+
     def slowed(self, scale: float) -> Plan:
         """Return the plan on the same way in `scale` times the time."""
         return Plan(self.joint_names, *Motion(self.t, self.states).slowed(scale))

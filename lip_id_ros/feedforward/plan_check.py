@@ -62,13 +62,15 @@ class PlanCheck:
     What a plan takes of every joint.
 
     `duration_s` of the plan [s]. `scale`: the least factor on its times with which all torques are
-    within limits, 1 where they are already, None where up to `SLOWEST` there is none.
+    within limits, 1 where they are already, None where up to `SLOWEST` there is none. `caution`:
+    what the torques lack, as a sentence, or empty.
 
     """
 
     loads: tuple[JointLoad, ...]
     duration_s: float
     scale: float | None
+    caution: str = ''
 
     @property
     def fits(self) -> bool:
@@ -131,7 +133,8 @@ def check_plan(
         )
         for n, (joint, row) in enumerate(zip(model.joint_names, worst, strict=True))
     )
-    return PlanCheck(loads, float(t[-1]), fitting_scale(torques, ordered, largest))
+    scale = fitting_scale(torques, ordered, largest)
+    return PlanCheck(loads, float(t[-1]), scale, plan.caution)
 
 
 def fits(torques: Torques, plan: Plan, limits: Array) -> bool:

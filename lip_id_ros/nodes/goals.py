@@ -12,7 +12,7 @@ from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import GoalEvent
 from rclpy.serialization import deserialize_message, serialize_message
-from trajectory_msgs.msg import JointTrajectory
+from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.feedforward import goals
@@ -209,6 +209,7 @@ class Goals:
 
     def _end(self, handle: Any, outcome: Outcome, result: Any = None) -> None:
         self._counts.end(outcome)
+        _forget_plan(handle)
         if result is None:
             result = self._kind.Result(error_code=outcome.code, error_string=outcome.sentence)
         if outcome.ending is Ending.SUCCEEDED:
@@ -244,6 +245,7 @@ class _Relay:
             feedback_callback=self._on_feedback,
             goal_uuid=self.handle.goal_id,
         )
+        _forget_plan(self.handle)
         answer.add_done_callback(self._on_answer)
 
     def cancel(self) -> None:
@@ -293,7 +295,15 @@ class _Relay:
 
     def _end(self, outcome: Outcome, result: Any = None) -> None:
         if self._state.end(outcome):
+            # rclpy forgets it with a result only, which a goal that was rejected never has
+            self._client._feedback_callbacks.pop(bytes(self.handle.goal_id.uuid), None)
             self._finish(self, outcome, result)
+
+
+def _forget_plan(handle: Any) -> None:
+    """Let go of what is large in a goal: rclpy keeps it for `KEPT_S` after its end."""
+    handle.request.trajectory = JointTrajectory()
+    handle.request.multi_dof_trajectory = MultiDOFJointTrajectory()
 
 
 def _action_type() -> Any:

@@ -87,7 +87,8 @@ _SENTENCES = {
     ),
     Refusal.WRONG_LENGTH: (
         'every array must be as long as the joint names, and every point of a trajectory needs '
-        'positions, velocities and accelerations'
+        'positions, velocities and accelerations, or torques of friction and inertia would be '
+        'missing; time the plan where it is made'
     ),
     Refusal.NO_POSITION: 'the joint state has no positions; use a driver that publishes them',
     Refusal.NO_VELOCITY: 'the joint state has no velocities; use a driver that publishes them',

@@ -81,6 +81,23 @@ def test_a_plan_that_does_not_fit(
     assert not any(each['beyond_s'] for each in others)
 
 
+def test_a_plan_without_velocities_gets_a_caution(
+    workshop: Workshop, here: Path, largest: list[float], capsys: Capture
+) -> None:
+    point = '{positions: [0, 0, 0], time_from_start: {sec: %d}}'
+    points = f'points: [{point % 1}, {point % 2}]'
+    (here / 'bare.yaml').write_text(f'joint_names: [{", ".join(JOINTS)}]\n{points}\n')
+    arguments = ['--limits', '1e6', '--json', 'check.json', '--force']
+    lip_id('check-plan', workshop.model, 'bare.yaml', *arguments)
+    shown = ' '.join(capsys.readouterr().out.split())
+    assert '2 of 2 points have no velocities' in shown
+    assert 'torques of inertia are missing' in shown
+    (check,) = json.loads((here / 'check.json').read_text())['plans']
+    assert check['caution'].startswith('2 of 2 points')
+    lip_id('check-plan', workshop.model, 'plan.yaml', *arguments)
+    assert 'no velocities' not in capsys.readouterr().out
+
+
 def test_limits_of_a_urdf_and_of_serve(
     workshop: Workshop, here: Path, largest: list[float]
 ) -> None:

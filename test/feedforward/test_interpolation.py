@@ -46,6 +46,14 @@ def test_each_segment_takes_what_its_own_points_have() -> None:
         np.testing.assert_allclose(states[0, within], oracle(t[within]), atol=1e-6)
 
 
+def test_points_without_velocities_are_counted() -> None:
+    assert plan(0).caution == plan(0, n_given=2).caution == plan(0, 1, n_given=1).caution == ''
+    assert plan(0, n_given=1).caution.startswith('5 of 5 points have no velocities')
+    made = plan(0)
+    made.states[1:, 3] = np.nan
+    assert made.caution.startswith('1 of 5 points')
+
+
 @given(st.integers(0, 1000), st.sampled_from([1, 2, 3]), st.floats(0.2, 5.0))
 def test_a_slower_plan_is_the_slower_motion(seed: int, n_given: int, scale: float) -> None:
     made = plan(seed, n_given=n_given)

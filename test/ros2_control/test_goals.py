@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 import signal
+import time
 from typing import Any, TYPE_CHECKING
 
 import pytest
@@ -21,6 +22,7 @@ from lifecycle_msgs.msg import Transition
 from nodes import toy
 import numpy as np
 from numpy.typing import ArrayLike
+import psutil
 from rclpy.action import ActionClient
 from rclpy.serialization import serialize_message
 from ros2_control.arm import commanded, plan, served, times
@@ -30,6 +32,7 @@ from benchmarks._mock_controller import GAINS
 from lip_id_ros.feedforward.goals import ErrorCode
 
 if TYPE_CHECKING:
+    from nodes.ros_graph import Process
     from ros2_control.arm import Control
 
 pytestmark = [pytest.mark.ros, pytest.mark.ros2_control]
@@ -175,7 +178,7 @@ def test_what_cannot_be_filled_is_refused_with_a_code(control: Control, sender: 
     assert result.error_string.startswith('serve: the message must name every joint of the model')
     ending, result = sender.run(short)
     assert (ending, result.error_code) == ('aborted', ErrorCode.INVALID_GOAL)
-    assert 'needs positions, velocities and accelerations' in result.error_string
+    assert 'friction and inertia would be missing; time the plan' in result.error_string
     ending, result = sender.run(past)
     assert (ending, result.error_code) == ('aborted', ErrorCode.INVALID_GOAL)
     assert 'has rejected the plan, for the reason in its own log' in result.error_string
@@ -278,6 +281,45 @@ def test_a_goal_beyond_limits_is_slowed_until_it_fits(
     control.client.status('serve', lambda status: status['slowed'] == 1)
 
 
+def test_tolerances_of_a_slowed_goal_are_those_that_were_asked_for(
+    control: Control, sender: Sender, limited: list[float]
+) -> None:
+    """Errors are those of mock hardware, which stands still: what is asked of it."""
+    states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+    hold_little(control, sender, states, limited)
+    asked, late = goal((0.3, -0.2)), goal((0.3, -0.2))  # up to 1.1 rad/s in 0.5 s
+    asked.path_tolerance = [JointTolerance(name='shoulder', velocity=0.9)]
+    late.goal_tolerance = [JointTolerance(name='shoulder', position=0.1)]
+    late.goal_time_tolerance.nanosec = 500_000_000
+    control.client.set_parameters('serve', overload_policy='slow')
+    slowed, begun = sender.run(asked), time.monotonic()
+    ended, took = sender.run(late), time.monotonic() - begun
+    control.client.set_parameters('serve', overload_policy='cut')
+    assert slowed[0] == 'succeeded'  # with a share of it, the slower motion would be no better
+    assert ended[1].error_code == ErrorCode.GOAL_TOLERANCE_VIOLATED
+    assert took > 1.1  # s: the slower end, and the time that was given behind it
+    assert sender.run(asked)[1].error_code == ErrorCode.PATH_TOLERANCE_VIOLATED
+
+
+def test_goals_that_are_over_keep_no_plan(control: Control, sender: Sender) -> None:
+    control.use('arm')
+    process = psutil.Process(serve_process(control).pid)
+    n_goals = 40
+    asked = goal(seconds=10.0, n_points=240)
+
+    def grown(asked: Any) -> float:
+        """By how much the memory of `serve` grows [MiB]."""
+        before = process.memory_info().rss
+        for _ in range(n_goals):
+            assert sender.run(asked)[0] == 'aborted'
+        return float(process.memory_info().rss - before) / 2**20
+
+    asked.trajectory.header.stamp.sec = 1  # it has passed: the controller rejects it
+    assert grown(asked) < 3.0  # that of the plans is 7
+    asked.trajectory.joint_names = ['shoulder', 'gripper']
+    assert grown(asked) < 3.0
+
+
 def test_a_long_goal_is_overtaken_or_cancelled_while_it_is_filled(
     control: Control, sender: Sender
 ) -> None:
@@ -306,11 +348,15 @@ def test_a_long_goal_is_overtaken_or_cancelled_while_it_is_filled(
     assert counted['aborted'] + sum(counted['refused'].values()) == 2
 
 
+def serve_process(control: Control) -> Process:
+    (serve,) = [each for each in control.graph.processes if each.log_path.stem == 'serve']
+    return serve
+
+
 @contextmanager
 def filling_stands_still(control: Control) -> Iterator[None]:
     """Hold the processes of `serve` that fill goals and plans."""
-    (serve,) = [each for each in control.graph.processes if each.log_path.stem == 'serve']
-    held = serve.children('lip_id_ros.nodes.plans')
+    held = serve_process(control).children('lip_id_ros.nodes.plans')
     for process in held:
         suspend(process)
     try:
