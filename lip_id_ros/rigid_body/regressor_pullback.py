@@ -3,11 +3,12 @@ Gradients by the joint state.
 
 Of weighted sums of the regressor, and of placement derivatives. Motions and unit velocities
 propagate to the tip and gradients back to the base (reverse mode: Griewank and Walther, Evaluating
-Derivatives, 2008, chapter 3).
+Derivatives, 2008, chapter 3). A serial chain moves by C times positions that are coupled.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from lip_id_ros.rigid_body.chain import (
     LINK_PARAMETERS,
     ROTOR,
 )
+from lip_id_ros.rigid_body.couplings import coupling_matrix
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 from lip_id_ros.rigid_body.spatial import (
     add,
@@ -56,7 +58,6 @@ class Workspace(NamedTuple):
     by_units: Array  # (n, 2, 3), gradients by those of one link
 
 
-@jit
 def regressor_pullback(chain: Chain, weights: Array, q: Array, dq: Array, ddq: Array) -> Array:
     """
     Differentiate sums of weights times `torque_regressor` by the joint states.
@@ -64,6 +65,53 @@ def regressor_pullback(chain: Chain, weights: Array, q: Array, dq: Array, ddq: A
     `weights`, shape (N, n, 11 n). `q`, `dq`, `ddq`: contiguous, shape (N, n). The result has shape
     (3, N, n): by q, dq and ddq.
     """
+    if not chain.couplings.size:
+        return np.asarray(_of_regressor(chain, weights, q, dq, ddq))
+    joints = np.arange(q.shape[1])
+    rotors = LINK_PARAMETERS * joints + ROTOR
+    of_bodies = weights.copy()
+    of_bodies[..., rotors] = 0.0
+    out = _coupled(_of_regressor, chain, of_bodies, q, dq, ddq)
+    out[2] += weights[:, joints, rotors]  # rotors turn with the reported positions
+    return out
+
+
+def placement_pullback(
+    chain: Chain, parameters: Array, weights: Array, q: Array, dq: Array, ddq: Array
+) -> Array:
+    """
+    Differentiate sums of weights times `placement_derivatives` by the joint states.
+
+    `parameters`, shape (n, 11). `weights`, shape (N, n, 6 n). `q`, `dq`, `ddq`: contiguous, shape
+    (N, n). The result has shape (3, N, n): by q, dq and ddq.
+    """
+
+    def pullback(chain: Chain, weights: Array, q: Array, dq: Array, ddq: Array) -> Array:
+        return np.asarray(_of_placements(chain, parameters, weights, q, dq, ddq))
+
+    if not chain.couplings.size:
+        return pullback(chain, weights, q, dq, ddq)
+    return _coupled(pullback, chain, weights, q, dq, ddq)
+
+
+def _coupled(
+    pullback: Callable[[Chain, Array, Array, Array, Array], Array],
+    chain: Chain,
+    weights: Array,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+) -> Array:
+    """Return by reported motions what a pullback of the serial chain gives by those of joints."""
+    matrix = coupling_matrix(chain)
+    of_joints = np.ascontiguousarray(np.einsum('ji,tic->tjc', matrix, weights))
+    states = [np.ascontiguousarray(x @ matrix.T) for x in (q, dq, ddq)]
+    return np.asarray(pullback(chain, of_joints, states[0], states[1], states[2]) @ matrix)
+
+
+@jit
+def _of_regressor(chain: Chain, weights: Array, q: Array, dq: Array, ddq: Array) -> Array:
+    """Return `regressor_pullback` of a serial chain."""
     count, n = q.shape
     out = np.zeros((3, count, n))
     work = Workspace(
@@ -233,15 +281,10 @@ STEP = 1e-4
 
 
 @jit
-def placement_pullback(
+def _of_placements(
     chain: Chain, parameters: Array, weights: Array, q: Array, dq: Array, ddq: Array
 ) -> Array:
-    """
-    Differentiate sums of weights times `placement_derivatives` by the joint states.
-
-    `parameters`, shape (n, 11). `weights`, shape (N, n, 6 n). `q`, `dq`, `ddq`: contiguous, shape
-    (N, n). The result has shape (3, N, n): by q, dq and ddq.
-    """
+    """Return `placement_pullback` of a serial chain."""
     count, n = q.shape
     out = np.zeros((3, count, n))
     of_torque = np.zeros((1, n, LINK_PARAMETERS * n))
@@ -256,7 +299,7 @@ def placement_pullback(
             of_torque[0, i] = parameters.ravel()
             for sign in (1.0, -1.0):
                 _displace(there, chain, sign * STEP / largest, weights[t, i])
-                gradient = regressor_pullback(there, of_torque, *state)
+                gradient = _of_regressor(there, of_torque, *state)
                 out[:, t] += 0.5 * sign * largest / STEP * gradient[:, 0]
     return out
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from excitation.cases import random_limits
 import numpy as np
 import pytest
@@ -17,18 +19,26 @@ from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.friction.terms import Coulomb, LoadCoulomb, LoadViscous, Offset, Stribeck, Viscous
 from lip_id_ros.joint_types import PRISMATIC, REVOLUTE
 from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.rigid_body.couplings import Coupling, rows_of
 from lip_id_ros.rigid_body.regressor_pullback import placement_pullback
 from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
 
 WIDTH = 0.3
 
 
-def posterior(arm: str, rng: np.random.Generator, loaded: bool) -> ArmPosterior:
+COUPLED = 'RPRPRR', 'PRP'
+CASES = [*((arm, ()) for arm in ARMS), *((arm, (Coupling(2, 1, -0.7),)) for arm in COUPLED)]
+
+
+def posterior(
+    arm: str, rng: np.random.Generator, loaded: bool, couplings: Sequence[Coupling] = ()
+) -> ArmPosterior:
     n = len(arm)
     chain = random_chain(arm, rng)
     chain = chain._replace(
         rotations=np.ascontiguousarray(chain.rotations),
         translations=np.ascontiguousarray(chain.translations),
+        couplings=rows_of(couplings),
     )
     terms = [
         DriveTerm(Drive.of_joint(joint), term)
@@ -55,10 +65,12 @@ def posterior(arm: str, rng: np.random.Generator, loaded: bool) -> ArmPosterior:
     )
 
 
-@pytest.mark.parametrize('arm', ARMS)
-def test_gradients_of_placement_derivatives_are_those_of_differences(arm: str) -> None:
+@pytest.mark.parametrize(('arm', 'couplings'), CASES)
+def test_gradients_of_placement_derivatives_are_those_of_differences(
+    arm: str, couplings: Sequence[Coupling]
+) -> None:
     rng = np.random.default_rng(len(arm))
-    known = posterior(arm, rng, loaded=False)
+    known = posterior(arm, rng, False, couplings)
     n, h = len(arm), 1e-6
     states, weights = rng.standard_normal((3, 5, n)), rng.standard_normal((5, n, 6 * n))
     found = placement_pullback(known.chain, known.links, weights, *states)
@@ -75,10 +87,12 @@ def test_gradients_of_placement_derivatives_are_those_of_differences(arm: str) -
 
 
 @pytest.mark.parametrize('loaded', [False, True])
-@pytest.mark.parametrize('arm', ARMS)
-def test_gradients_of_the_criterion_are_those_of_differences(arm: str, loaded: bool) -> None:
+@pytest.mark.parametrize(('arm', 'couplings'), CASES)
+def test_gradients_of_the_criterion_are_those_of_differences(
+    arm: str, couplings: Sequence[Coupling], loaded: bool
+) -> None:
     rng = np.random.default_rng(10 + len(arm))
-    learner = KnownArm(posterior(arm, rng, loaded))
+    learner = KnownArm(posterior(arm, rng, loaded, couplings))
     targets = rng.standard_normal((3, 30, len(arm)))
     states = rng.standard_normal((3, 8, len(arm)))
     criterion = ExpectedError(learner, (targets[0], targets[1], targets[2]), 40.0, 8)

@@ -7,20 +7,31 @@ import pytest
 from rigid_body.arms import ARMS, random_chain
 
 from lip_id_ros.rigid_body import LINK_PARAMETERS
+from lip_id_ros.rigid_body.couplings import Coupling, rows_of
 from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.regressor_pullback import regressor_pullback
 
 H = 1e-6
 
 
-@pytest.mark.parametrize('arm', ARMS)
+@pytest.mark.parametrize(
+    ('arm', 'couplings'),
+    [
+        *((arm, ()) for arm in ARMS),
+        ('RPRPRR', ((2, 1, -0.7), (5, 2, 0.5))),
+        ('PRP', ((0, 1, 0.3),)),
+    ],
+)
 @pytest.mark.parametrize('seed', range(3))
-def test_gradients_are_those_of_differences(arm: str, seed: int) -> None:
+def test_gradients_are_those_of_differences(
+    arm: str, couplings: tuple[tuple[int, int, float], ...], seed: int
+) -> None:
     rng = np.random.default_rng(seed)
     chain, n = random_chain(arm, rng), len(arm)
     chain = chain._replace(
         rotations=np.ascontiguousarray(chain.rotations),
         translations=np.ascontiguousarray(chain.translations),
+        couplings=rows_of([Coupling(*each) for each in couplings]),
     )
     states = rng.standard_normal((3, 6, n))
     weights = rng.standard_normal((6, n, LINK_PARAMETERS * n))
