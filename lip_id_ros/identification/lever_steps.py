@@ -65,9 +65,8 @@ def _step(fitter: ArmFitter, some: Dataset, fit: ArmFit) -> Array:
     state = replace(fit.state, friction=np.pad(fit.state.friction, (0, size)))
     found = fitter.refined(some, replace(fit, friction=friction, state=state), ROUND)
     change = found.friction.coefficients[basis.size :].reshape(-1, 3)
-    force, stiffness = found.friction.coefficients[
-        [k + i for i in (0, 1) for k, *_ in levers]
-    ].reshape(2, -1)
+    first = np.array([k for k, *_ in levers])
+    force, stiffness = (found.friction.coefficients[first + i] for i in (0, 1))
     square = np.maximum(force**2 + stiffness**2, 1e-300)
     by_eccentricity = change[:, 0] * force / np.maximum(force**2, 1e-6 * square)
     by_centre = (change[:, 1] * force + change[:, 2] * stiffness) / square

@@ -13,12 +13,15 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch, find_placements
 from lip_id_ros.identification.coupling_search import (
+    _left_out_squares,
     find_couplings,
     predicts_better,
     promising,
     with_coupling,
 )
 from lip_id_ros.identification.fitting import fit
+from lip_id_ros.identification.folds import recurrent_folds
+from lip_id_ros.identification.placement_search import calibration_at
 from lip_id_ros.progress import silent
 from lip_id_ros.rigid_body.couplings import Coupling, couplings_of, rows_of
 from lip_id_ros.settings import FitSettings
@@ -78,6 +81,22 @@ def test_a_wrong_coupling_predicts_left_out_motions_worse() -> None:
     for ratio, is_better in ((-1.0, True), (0.5, False)):
         other = with_coupling(search, PARALLELOGRAM._replace(ratio=ratio))
         assert predicts_better(other, other.recalibrated(serial), search, serial) == is_better
+
+
+@pytest.mark.slow
+def test_what_is_left_out_is_not_learned_from() -> None:
+    """An offset of one motion, of which a fit that had seen it would take a sixth or more."""
+    arm = arm_of(seed=3)
+    data = recording(arm)
+    fold, offset = recurrent_folds(data, 6), 10.0 * data.tau[:, 0].std()
+    assert np.unique(fold).size == 6
+    tau = data.tau.copy()
+    tau[fold == 0, 0] += offset
+    search = ArmSearch(ArmFitter(replace(data, tau=tau)))
+    samples = search.samples(search.fitter.dataset)
+    squares = _left_out_squares(samples, calibration_at(arm.chain, samples), fold)
+    whole = offset**2 * samples.weights[fold == 0, 0].mean()
+    assert squares[0, 0] > 0.9 * whole
 
 
 @pytest.mark.slow
