@@ -160,6 +160,22 @@ def test_deviations_keep_torques_away_from_limits(model: InverseDynamicsModel) -
     assert strict.loads[0].excess == 0.0  # by the mean alone
 
 
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_plan_in_its_fitting_time_stays_deviations_away_from_limits(
+    model: InverseDynamicsModel, sign: float
+) -> None:
+    made, sigmas = plan(0.5), 20.0
+    made = Plan(made.joint_names, made.t, sign * made.states)
+    loads = check_plan(model, made, [1e6]).loads
+    limits = [0.8 * abs(load.tau) + sigmas * load.std for load in loads]
+    found = check_plan(model, made, limits, sigmas=sigmas)
+    assert found.scale is not None
+    assert found.scale > 1.0
+    slower = check_plan(model, made.slowed(found.scale), limits, sigmas=sigmas)
+    for load in slower.loads:
+        assert abs(load.tau) + sigmas * load.std <= (1.0 + 1e-6) * load.limit
+
+
 def test_joints_may_come_in_another_order(model: InverseDynamicsModel) -> None:
     made = plan()
     turned = Plan(made.joint_names[::-1], made.t, made.states[:, :, ::-1])
