@@ -27,8 +27,7 @@ from lip_id_ros.description.limits import joint_ranges
 from lip_id_ros.evaluation.metrics import nmse_percent
 from lip_id_ros.excitation.joint_limits import JointLimits, limits_from
 from lip_id_ros.excitation.planning import design_motion
-from lip_id_ros.excitation.scaling import LimitedMotions
-from lip_id_ros.excitation.series import FourierMotion
+from lip_id_ros.excitation.series import FourierMotion, LimitedMotions
 from lip_id_ros.excitation.settings import ExcitationConfig, MotionSettings, SearchSettings
 from lip_id_ros.progress import silent
 from lip_id_ros.settings import FitSettings

@@ -33,7 +33,10 @@ PARTS = (
     *(PACKAGE / each for each in ('joint_history.py', 'numba_jit.py', 'dataset', 'description')),
     *(PACKAGE / each for each in ('friction', 'gp')),
     *(PACKAGE / each for each in ('identification', 'kernels', 'model', 'rigid_body')),
-    *(PACKAGE / 'settings', PACKAGE / 'evaluation/metrics.py'),
+    *(
+        PACKAGE / each
+        for each in ('settings', 'evaluation/metrics.py', 'evaluation/prediction.py')
+    ),
 )
 UNKNOWN = 'unknown'
 

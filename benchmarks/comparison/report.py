@@ -31,7 +31,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.report import style
-from lip_id_ros.evaluation.report.page import Drawing, drawn, page, write_folder
+from lip_id_ros.evaluation.report.page import Drawing, drawn, write_page
 from lip_id_ros.files import write_whole
 from lip_id_ros.model import TorquePrediction
 from lip_id_ros.progress import Progress, silent
@@ -85,10 +85,9 @@ def write_comparison(
     pictures = drawn(drawings, progress)
     notes = [*(f'{name}: {what}.' for name, what in meanings(results.cells).items()), *NOTES]
     known = [*facts, ('code', code_version())]
-    text = page(title, known, remarks(results), tables(results), notes, pictures)
     numbers = json.dumps(to_json(results), indent=1, allow_nan=False) + '\n'
     write_whole(folder / JSON, numbers.encode())
-    return write_folder(folder, text, pictures)
+    return write_page(folder, title, known, remarks(results), tables(results), notes, pictures)
 
 
 def _box_drawings(results: Results) -> Iterator[Drawing]:

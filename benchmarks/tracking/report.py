@@ -17,7 +17,7 @@ from benchmarks.tracking.figures import Figures, learned_energies, notes, tables
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.evaluation.metrics import nmse_percent, nmse_percent_without_offset
 from lip_id_ros.evaluation.report import style
-from lip_id_ros.evaluation.report.page import page, Picture, picture, write_folder
+from lip_id_ros.evaluation.report.page import Picture, picture, write_page
 
 COLORS = {LEARNED: style.PREDICTED, NOMINAL: style.RESIDUAL}
 
@@ -125,8 +125,8 @@ def write_report(
     pictures = [
         each for amplitude in experiment.amplitudes for each in _pictures(trial, amplitude)
     ]
-    text = page(TITLE, _facts(experiment, trial, of), (), tables(of), notes(of), pictures)
-    return write_folder(folder, text, pictures)
+    facts = _facts(experiment, trial, of)
+    return write_page(folder, TITLE, facts, (), tables(of), notes(of), pictures)
 
 
 def _pictures(trial: Trial, amplitude: float) -> list[Picture]:

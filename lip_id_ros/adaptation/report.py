@@ -16,7 +16,7 @@ from lip_id_ros.adaptation.replay import Replay, ReplayedRecording
 from lip_id_ros.arrays import Array
 from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.report import style
-from lip_id_ros.evaluation.report.page import Drawing, drawn, page, write_folder
+from lip_id_ros.evaluation.report.page import Drawing, drawn, write_page
 from lip_id_ros.evaluation.tables import Table
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.progress import Progress, silent
@@ -53,8 +53,7 @@ def write_report(
         ('recordings', str(len(found.recordings))),
     )
     first, *others = tables
-    text = page('An arm that changes', facts, (), [first], notes, pictures, others)
-    return write_folder(folder, text, pictures)
+    return write_page(folder, 'An arm that changes', facts, (), [first], notes, pictures, others)
 
 
 def _drawings(found: Replay) -> Iterator[Drawing]:

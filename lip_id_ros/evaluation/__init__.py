@@ -5,7 +5,8 @@ from lip_id_ros.evaluation.cautions import (
     evaluation_cautions,
     fit_cautions,
 )
-from lip_id_ros.evaluation.metrics import evaluate, Evaluation, matched, Outcome, run, score
+from lip_id_ros.evaluation.metrics import evaluate, Evaluation, score
+from lip_id_ros.evaluation.prediction import matched, Outcome, run
 
 __all__ = [
     'Evaluation',

@@ -1,36 +1,26 @@
-"""Predictions along a data set, and their errors."""
+"""Errors of predictions: of all samples, in motion and near rest, and of several data sets."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 import math
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from lip_id_ros.arrays import Array
-from lip_id_ros.dataset import cutoffs_hz, Dataset
-from lip_id_ros.errors import DataError, ModelError
-from lip_id_ros.evaluation.near_rest import RestErrors
-from lip_id_ros.evaluation.training_data import training_data_warnings
-from lip_id_ros.identification.folds import at_rest
-from lip_id_ros.model import (
-    DynamicsModel,
-    InverseDynamicsModel,
-    StandardDeviation,
-    TorqueModel,
-    TorquePrediction,
-)
+from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import DataError
+from lip_id_ros.evaluation.prediction import matched, Outcome, run
+from lip_id_ros.model import TorqueModel
 from lip_id_ros.model.proof import not_positive_definite_percent
 from lip_id_ros.progress import Progress, silent
 
-BLOCK = 500
-STD_BLOCK = 50  # standard deviations need far more memory per sample
-MOST_COVERED = 500  # samples of which a coverage is the share
 ROUNDING = 1e-12  # a smaller deviation of a torque, in its largest value, is none
 
-Blocks = TypeVar('Blocks', bound=Any)
+NEAR_REST = 0.05
+"""A joint is near rest below this share of the root mean square of its velocity."""
 
 
 def nmse_percent(estimate: Array, truth: Array) -> Array:
@@ -56,133 +46,53 @@ def mean_of_known(values: tuple[float, ...]) -> float:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RestErrors:
     """
-    Predictions beside the N samples that they are for.
+    Root mean square errors of joints in motion and near rest, per joint.
 
-    `smallest_eigenvalue`, shape (N,): of the predicted inertia matrix [kg m^2 or kg]; None where
-    the model has none. `within_two_std_percent`, shape (n,): share of measured torques within two
-    standard deviations of a measurement; None where the model is no arm, or efforts were
-    low-passed otherwise than those of its fit. `novelty`: median distance of the samples in motion
-    to the training data, in that of left-out ones; None where the model does not know. `cautions`:
-    sentences where the data are, or may be, training data.
+    Attributes
+    ----------
+    near_rest_percent : tuple of float
+        Share of the samples at which a joint is near rest.
+    in_motion, near_rest : tuple of float
+        [N m or N]; nan where there are no such samples.
+
     """
 
-    dataset: Dataset
-    prediction: TorquePrediction
-    smallest_eigenvalue: Array | None = None
-    within_two_std_percent: Array | None = None
-    novelty: float | None = None
-    cautions: tuple[str, ...] = ()
+    near_rest_percent: tuple[float, ...]
+    in_motion: tuple[float, ...]
+    near_rest: tuple[float, ...]
 
-    @property
-    def reference(self) -> Array:
-        """Torques [N m or N], shape (N, n), to compare with: the true ones where known."""
-        known = self.dataset.tau_noiseless
-        return self.dataset.tau if known is None else known
-
-
-def matched(dataset: Dataset, model: TorqueModel | Dataset) -> Dataset:
-    """
-    Return a data set with the joints of a model, in its order.
-
-    DataError if a joint is missing. ModelError if a joint has another type than the model's, or
-    only one of both leaves gravity out.
-    """
-    ordered = dataset.with_joints(model.joint_names)
-    for name, found, expected in zip(
-        model.joint_names, ordered.joint_types, model.joint_types, strict=True
-    ):
-        if found != expected:
-            raise ModelError(
-                f'joint {name!r} must be {expected} as in the model, but is {found} in the data; '
-                'correct recording.joint_types, or fit a new model.'
-            )
-    without = _without_gravity(model)
-    if without is not None and without != dataset.gravity_compensated:
-        has = ('leave gravity out', 'contain gravity')
-        raise ModelError(
-            f'the torques of the data {has[without]}, but those that the model learned '
-            f'{has[not without]}; correct recording.gravity_compensated, or fit a new model.'
+    @classmethod
+    def of(cls, error: Array, dq: Array) -> RestErrors:
+        """Return the errors of torques (N, n) at velocities (N, n) of one data set."""
+        rests, squares = near_rest(dq).astype(np.float64), np.square(error)
+        motion, rest = (
+            _root(np.sum(some * squares, axis=0), some.sum(axis=0))
+            for some in (1.0 - rests, rests)
         )
-    return ordered
+        return cls(tuple((100.0 * rests.mean(axis=0)).tolist()), motion, rest)
+
+    @classmethod
+    def merged(cls, parts: Sequence[RestErrors], counts: Array) -> RestErrors:
+        """Return the errors of several data sets together, of so many samples each."""
+        rests = counts[:, None] * np.array([each.near_rest_percent for each in parts]) / 100.0
+        moves = counts[:, None] - rests
+        motion, rest = (
+            _root(np.sum(_squares(weight, values), axis=0), weight.sum(axis=0))
+            for weight, values in (
+                (moves, [each.in_motion for each in parts]),
+                (rests, [each.near_rest for each in parts]),
+            )
+        )
+        percent = 100.0 * rests.sum(axis=0) / counts.sum()
+        return cls(tuple(percent.tolist()), motion, rest)
 
 
-def _without_gravity(model: TorqueModel | Dataset) -> bool | None:
-    """Return whether torques leave gravity out; None where the model does not tell."""
-    if isinstance(model, Dataset):
-        return model.gravity_compensated
-    return not model.has_potential if isinstance(model, InverseDynamicsModel) else None
-
-
-def run(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Outcome:
-    """Predict torques, energies and, where the model has them, inertia matrix and coverage."""
-    predictions: list[TorquePrediction] = []
-    eigenvalues = []
-    arm = model if isinstance(model, InverseDynamicsModel) and model.arm is not None else None
-    for q, dq, ddq in _state_blocks(dataset, BLOCK, 'predict', progress):
-        if arm is None:
-            predictions.append(model.predict(q, dq, ddq))
-        if isinstance(model, DynamicsModel):
-            eigenvalues.append(np.linalg.eigvalsh(model.inertia_matrix(q))[:, 0])
-    smallest = np.concatenate(eigenvalues) if eigenvalues else None
-    if arm is not None:  # whole: friction may remember
-        predictions = [arm.predict(dataset.q, dataset.dq, dataset.ddq, dataset.t)]
-    joined = _joined(predictions)
-    covered = _within_two_std(model, dataset, joined.tau)
-    cautions = tuple(training_data_warnings(model, dataset))
-    return Outcome(dataset, joined, smallest, covered, novelty_of(model, dataset), cautions)
-
-
-def novelty_of(model: TorqueModel, dataset: Dataset) -> float | None:
-    """Return the median novelty of samples in motion; None where the model knows no states."""
-    if not isinstance(model, InverseDynamicsModel) or model.known_states is None:
-        return None
-    moving = ~at_rest(dataset)
-    some = dataset.select(np.flatnonzero(moving)) if moving.any() else dataset
-    return float(np.median(model.novelty(some.q, some.dq, some.ddq)))
-
-
-def _within_two_std(model: TorqueModel, dataset: Dataset, tau: Array) -> Array | None:
-    """Return the share [percent] of measurements that two standard deviations cover, (n,)."""
-    if not isinstance(model, InverseDynamicsModel) or model.arm is None:
-        return None  # deviations of a Gaussian process on energies take seconds
-    if not cutoffs_hz(dataset.provenance) <= (cutoffs_hz(model.provenance) - {None} or {None}):
-        return None  # the noise of the model is that of efforts with another bandwidth
-    count = min(MOST_COVERED, dataset.n_samples)
-    rows = np.linspace(0, dataset.n_samples - 1, count).astype(np.intp)
-    some = dataset.select(rows)
-    std = model.standard_deviation(some.q, some.dq, some.ddq).measurement
-    return np.asarray(100.0 * np.mean(np.abs(some.tau - tau[rows]) <= 2.0 * std, axis=0))
-
-
-def standard_deviation(
-    model: DynamicsModel, dataset: Dataset, progress: Progress = silent
-) -> StandardDeviation:
-    """Compute the standard deviations of torques and energies at every sample."""
-    blocks = [
-        model.predict(*states, return_std=True).std
-        for states in _state_blocks(dataset, STD_BLOCK, 'standard deviation', progress)
-    ]
-    return _joined([block for block in blocks if block is not None])
-
-
-def _state_blocks(
-    dataset: Dataset, size: int, stage: str, progress: Progress
-) -> Iterator[tuple[Array, Array, Array]]:
-    for begin in range(0, dataset.n_samples, size):
-        rows = slice(begin, begin + size)
-        yield dataset.q[rows], dataset.dq[rows], dataset.ddq[rows]
-        progress(stage, min(begin + size, dataset.n_samples), dataset.n_samples)
-
-
-def _joined(blocks: Sequence[Blocks]) -> Blocks:
-    columns = {}
-    for field in fields(blocks[0]):
-        parts = [getattr(block, field.name) for block in blocks]
-        columns[field.name] = None if parts[0] is None else np.concatenate(parts)
-    joined: Blocks = type(blocks[0])(**columns)
-    return joined
+def near_rest(dq: Array) -> BoolArray:
+    """Mark the samples at which joints are near rest, shape (N, n)."""
+    usual = np.sqrt(np.mean(np.square(dq), axis=0))
+    return np.asarray((np.abs(dq) < NEAR_REST * usual) | (usual == 0.0))
 
 
 @dataclass(frozen=True)
@@ -327,6 +237,54 @@ def score(outcome: Outcome) -> Evaluation:
     )
 
 
+def merged(evaluations: Sequence[Evaluation]) -> Evaluation:
+    """
+    Return the errors of a model on one or several data sets together.
+
+    They are what an evaluation of the joined samples has, the coverage is the mean weighted by
+    samples; errors of energies, whose means are not known, are left out.
+    """
+    first, *others = evaluations
+    if not others:
+        return first
+    counts = np.array([each.n_samples for each in evaluations])
+    weights = counts / counts.sum()
+    squares = weights @ np.square(_all(evaluations, 'rmse'))
+    means = _all(evaluations, 'torque_mean')
+    mean = weights @ means
+    variances = np.square(_all(evaluations, 'torque_std')) + np.square(means - mean)
+    variance = weights @ variances
+    varies = np.sqrt(variance) > ROUNDING * np.abs(mean)
+    nmse = np.where(varies, 100.0 * squares / np.where(varies, variance, 1.0), np.nan)
+    known: dict[str, Any] = {}
+    if all(each.within_two_std_percent is not None for each in evaluations):
+        known['within_two_std_percent'] = _floats(
+            weights @ _all(evaluations, 'within_two_std_percent')
+        )
+    rests = [each.rest for each in evaluations if each.rest is not None]
+    if len(rests) == len(evaluations):
+        known['rest'] = RestErrors.merged(rests, counts)
+    if all(each.inertia_not_pd_percent is not None for each in evaluations):
+        shares = _all(evaluations, 'inertia_not_pd_percent')
+        smallest = _all(evaluations, 'inertia_min_eigenvalue')
+        known['inertia_not_pd_percent'] = float(weights @ shares)
+        known['inertia_min_eigenvalue'] = float(smallest.min())
+    return Evaluation(
+        joint_names=first.joint_names,
+        joint_types=first.joint_types,
+        n_samples=int(counts.sum()),
+        nmse_percent=_floats(nmse),
+        rmse=_floats(np.sqrt(squares)),
+        torque_mean=_floats(mean),
+        torque_std=_floats(np.sqrt(variance)),
+        against_truth=all(each.against_truth for each in evaluations),
+        kinetic_nmse_percent=None,
+        potential_nmse_percent=None,
+        cautions=tuple(dict.fromkeys(text for each in evaluations for text in each.cautions)),
+        **known,
+    )
+
+
 def _number(value: float | None) -> float | None:
     return None if value is None or math.isnan(value) else value
 
@@ -335,3 +293,22 @@ def _relative(squared_error: Array, truth: Array) -> Array:
     variance = np.var(truth, axis=0)
     varies = np.sqrt(variance) > ROUNDING * np.abs(truth).max(axis=0)
     return np.where(varies, 100.0 * squared_error / np.where(varies, variance, 1.0), np.nan)
+
+
+def _root(sums: Array, counts: Array) -> tuple[float, ...]:
+    known = counts > 0.0
+    means = np.where(known, sums / np.where(known, counts, 1.0), np.nan)
+    return tuple(np.sqrt(means).tolist())
+
+
+def _squares(weight: Array, values: Sequence[tuple[float, ...]]) -> Array:
+    """Return sums of squares of parts from their roots, none where a part has no samples."""
+    return np.where(weight > 0.0, weight * np.square(values), 0.0)
+
+
+def _all(evaluations: Sequence[Evaluation], name: str) -> Array:
+    return np.array([getattr(each, name) for each in evaluations])
+
+
+def _floats(values: Array) -> tuple[float, ...]:
+    return tuple(values.tolist())

@@ -12,7 +12,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.evaluation.metrics import Outcome, standard_deviation
+from lip_id_ros.evaluation.prediction import Outcome, standard_deviation
 from lip_id_ros.files import read_header, write_npz
 from lip_id_ros.model import DynamicsModel, TorqueModel
 from lip_id_ros.progress import Progress, silent

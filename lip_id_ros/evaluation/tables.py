@@ -13,8 +13,7 @@ import rich.table
 from rich.text import Text
 
 from lip_id_ros.escaping import printable
-from lip_id_ros.evaluation.metrics import Evaluation
-from lip_id_ros.evaluation.near_rest import NEAR_REST
+from lip_id_ros.evaluation.metrics import Evaluation, NEAR_REST
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.model.known_states import novelty_in_words
 

@@ -1,18 +1,24 @@
-"""Limits beside those of the joints, such as of torques, as far as a model can vouch for them."""
+"""
+Limits beside those of the joints, such as of torques, as far as a model can vouch for them.
+
+Nothing is known before the first motion, not even the torques that it needs. So motions grow from
+a small and slow one to what the limits allow: each next one is as large as the model that was
+learned from the last ones can vouch for.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.excitation.arms import KnownArm
 from lip_id_ros.excitation.joint_limits import JointLimits
-from lip_id_ros.excitation.known_arm import KnownArm
-from lip_id_ros.excitation.series import FourierMotion
+from lip_id_ros.excitation.series import FourierMotion, LimitedMotions
 from lip_id_ros.model import InverseDynamicsModel
 
 HALVINGS, SHRINK = 8, 0.97
@@ -127,3 +133,64 @@ class TorqueLimits:
         weight = WEIGHT / len(q)
         by_tau = weight * 2.0 * soft * slope * np.sign(tau) / self._limit
         return weight * float(np.sum(soft**2)), self._arm.torque_pullback(by_tau, q, dq, ddq)
+
+
+FIRST_SIZE = 0.15
+"""Of the first motion, in the limits."""
+
+LARGEST_GROWTH = 2.0
+"""A motion is at most so many times as large as the last one."""
+
+TRIALS, SIZE_HALVINGS = 12, 6
+
+
+def shrunk(limits: JointLimits, posture: Array, size: float) -> JointLimits:
+    """
+    Return limits for motion of a size: 0 to 1 of the way to each limit, of velocity and so on.
+
+    Limits of torque stay.
+    """
+    return replace(
+        limits,
+        lower=posture + size * (limits.lower - posture),
+        upper=posture + size * (limits.upper - posture),
+        velocity=size * limits.velocity,
+        acceleration=size * limits.acceleration,
+        jerk=size * limits.jerk,
+    )
+
+
+def next_size(
+    model: InverseDynamicsModel,
+    limits: JointLimits,
+    posture: Array,
+    last: float,
+    seed: int = 0,
+    duration: float = 20.0,
+    harmonics: int = 5,
+) -> float:
+    """
+    Return the size of the next motion, which may be smaller than the last one.
+
+    It is the largest at which the torques of random motions, as the model predicts them with three
+    deviations, are within the limits. ConfigError if the model cannot hold the posture itself.
+    """
+    largest = min(1.0, LARGEST_GROWTH * last)
+    if limits.torque is None:
+        return largest
+    torques = TorqueLimits(model, limits)
+    torques.require_posture(posture)
+
+    def vouched(size: float) -> bool:
+        motions = LimitedMotions(shrunk(limits, posture, size), posture, duration, harmonics)
+        rng = np.random.default_rng(seed)
+        trials = (motions.motion(motions.random(rng)) for _ in range(TRIALS))
+        return all(torques.is_kept(motion, fine=False) for motion in trials)
+
+    if vouched(largest):
+        return largest
+    low, high = (last, largest) if vouched(last) else (0.0, last)
+    for _ in range(SIZE_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if vouched(middle) else (low, middle)
+    return low

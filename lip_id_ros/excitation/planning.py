@@ -12,19 +12,19 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.urdf import moving_joints, parse_description, urdf_text
 from lip_id_ros.errors import ConfigError, DataError, ModelError, shortened
+from lip_id_ros.excitation.arms import KnownArm, Learning
 from lip_id_ros.excitation.constraints import Constraint, Constraints, TorqueLimits
-from lip_id_ros.excitation.criteria import (
+from lip_id_ros.excitation.design import (
+    Design,
+    design,
     first_criterion,
     measurements,
     next_criterion,
     usual_targets,
 )
-from lip_id_ros.excitation.design import Design, design
 from lip_id_ros.excitation.expected_error import States
 from lip_id_ros.excitation.joint_limits import JointLimits, limits_from, posture_from
-from lip_id_ros.excitation.known_arm import KnownArm, Learning
-from lip_id_ros.excitation.scaling import LimitedMotions, peaks
-from lip_id_ros.excitation.series import FourierMotion
+from lip_id_ros.excitation.series import FourierMotion, LimitedMotions, peaks
 from lip_id_ros.excitation.settings import ExcitationConfig, MotionSettings, SpaceSettings
 from lip_id_ros.excitation.space import is_limited, Space
 from lip_id_ros.excitation.trajectory_file import sampled, Trajectory, writer_for

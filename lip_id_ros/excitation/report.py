@@ -15,7 +15,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.report import style
-from lip_id_ros.evaluation.report.page import Drawing, drawn, page, write_folder
+from lip_id_ros.evaluation.report.page import Drawing, drawn, write_page
 from lip_id_ros.evaluation.tables import Table
 from lip_id_ros.excitation.planning import ExcitingMotion
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
@@ -46,8 +46,7 @@ def write_motion_report(
         ('chain', 'known' if found.chain is not None else 'unknown'),
     )
     first, *others = tables
-    text = page('A motion that teaches', facts, (), [first], notes, pictures, others)
-    return write_folder(folder, text, pictures)
+    return write_page(folder, 'A motion that teaches', facts, (), [first], notes, pictures, others)
 
 
 def _drawings(found: ExcitingMotion) -> Iterator[Drawing]:

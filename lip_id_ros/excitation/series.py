@@ -1,13 +1,22 @@
-"""Fourier series that start and end at rest at a posture (docs/reference/excitation.md)."""
+"""
+Fourier series that start and end at rest at a posture, as large as limits allow at every time.
+
+docs/reference/excitation.md has them. A trigonometric polynomial u of degree H that is largest at
+t* has |u(t)| >= max |u| cos(H w (t - t*)) near it (M. Riesz 1914). So no value between N
+equidistant samples of a period exceeds the largest sample by more than a factor of 1 / cos(pi H /
+N).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import null_space
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.excitation.joint_limits import JointLimits
 
 LEAST_HARMONICS = 2
 """With fewer, no series of them starts at rest."""
@@ -79,3 +88,95 @@ def at_rest(harmonics: int) -> Array:
     k = np.arange(1.0, harmonics + 1.0)
     nothing = np.zeros(harmonics)
     return np.asarray(null_space([np.append(nothing, k), np.append(k**2, nothing)]))
+
+
+SAMPLES_PER_HARMONIC = 128
+"""The bound between samples exceeds the largest of them by 0.03 %."""
+
+ROUNDING = 1e-12
+ORDERS = 4
+"""Positions, velocities, accelerations, jerks."""
+
+
+class LimitedMotions:
+    """
+    Motions within limits, of any numbers x, shape (n, 2 H - 1).
+
+    The series of each joint is scaled until the first of its limits is touched, and then by exp y,
+    where y <= 0 is the last of its numbers.
+    """
+
+    def __init__(
+        self, limits: JointLimits, posture: Array, duration: float, harmonics: int
+    ) -> None:
+        limits.require_posture(posture)
+        count = SAMPLES_PER_HARMONIC * harmonics
+        times = evenly(duration, count)
+        bases = [basis(times, duration, harmonics, order) for order in range(ORDERS)]
+        self._basis = np.concatenate(bases)
+        self._free = at_rest(harmonics)
+        self._posture, self._duration = posture, duration
+        share = np.cos(np.pi * harmonics / count) * (1.0 - ROUNDING)
+        middle, half = 0.5 * (limits.lower + limits.upper), 0.5 * (limits.upper - limits.lower)
+        self._above, self._below = (
+            np.maximum(
+                np.array([share * half + sign * (middle - posture), *_largest(limits, share)]),
+                0.0,
+            ).repeat(count, axis=0)
+            for sign in (1.0, -1.0)
+        )
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Shape of x: joints, and free numbers of each."""
+        return len(self._posture), self._free.shape[1] + 1
+
+    def random(self, rng: np.random.Generator) -> Array:
+        """Draw x: shapes without a preferred direction, as large as the limits allow."""
+        x = rng.standard_normal(self.shape)
+        x[:, -1] = 0.0
+        return x
+
+    def projected(self, x: Array) -> Array:
+        """Return the nearest numbers whose motion touches a limit, or none."""
+        out = x.copy()
+        out[:, -1] = np.minimum(out[:, -1], 0.0)
+        return out
+
+    def motion(self, x: Array) -> FourierMotion:
+        """Return the motion of x; a joint whose numbers are zero stays at its posture."""
+        return self.with_pullback(x)[0]
+
+    def with_pullback(self, x: Array) -> tuple[FourierMotion, Callable[[Array], Array]]:
+        """Return the motion, and what makes gradients by its coefficients those by x."""
+        shapes, gain = x[:, :-1] @ self._free.T, np.exp(np.minimum(x[:, -1], 0.0))
+        values = self._basis @ shapes.T
+        need = np.where(values >= 0.0, 1.0 / self._above, -1.0 / self._below) * values
+        active = np.argmax(need, axis=0)
+        joints = np.arange(len(shapes))
+        largest = need[active, joints]
+        scale = np.where(largest > 0.0, gain / np.where(largest > 0.0, largest, 1.0), 0.0)
+        coefficients = scale[:, None] * shapes
+        touching = self._basis[active]
+        at_limit = np.where(largest > 0.0, values[active, joints], 1.0)
+
+        def pullback(gradient: Array) -> Array:
+            along = np.sum(gradient * shapes, axis=1) / at_limit
+            by_shape = scale[:, None] * (gradient - along[:, None] * touching)
+            by_gain = np.sum(gradient * coefficients, axis=1)
+            return np.column_stack([by_shape @ self._free, by_gain])
+
+        return FourierMotion(self._posture, coefficients, self._duration), pullback
+
+
+def _largest(limits: JointLimits, share: float) -> list[Array]:
+    return [share * values for values in limits.derivatives]
+
+
+def peaks(motion: FourierMotion) -> Array:
+    """Return bounds of |q - posture|, |dq|, |ddq| and |dddq| at every time, shape (4, n)."""
+    count = SAMPLES_PER_HARMONIC * motion.harmonics
+    times = evenly(motion.duration, count)
+    found = [np.abs(motion.derivative(times, order)).max(axis=0) for order in range(1, ORDERS)]
+    away = np.abs(motion.derivative(times, 0) - motion.posture).max(axis=0)
+    return np.asarray(np.array([away, *found]) / np.cos(np.pi * motion.harmonics / count))

@@ -16,8 +16,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.excitation.joint_limits import JointLimits
-from lip_id_ros.excitation.scaling import peaks
-from lip_id_ros.excitation.series import FourierMotion
+from lip_id_ros.excitation.series import FourierMotion, peaks
 from lip_id_ros.excitation.settings import NONE, SpaceSettings
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.couplings import coupling_matrix

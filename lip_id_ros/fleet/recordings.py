@@ -13,7 +13,7 @@ import numpy as np
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import evaluate, Evaluation, matched
-from lip_id_ros.evaluation.merging import merged
+from lip_id_ros.evaluation.metrics import merged
 from lip_id_ros.fleet.parts import first_shares, gathered_from, last_part
 from lip_id_ros.fleet.passes import digest, Passes, Source
 from lip_id_ros.fleet.results import EXCLUDED, FAILED, HELD_OUT, Survey

@@ -17,7 +17,7 @@ from simulation.pendulums import swing
 
 from lip_id_ros.errors import DataError, ModelError
 from lip_id_ros.evaluation import evaluate, matched, run, score
-from lip_id_ros.evaluation.metrics import standard_deviation
+from lip_id_ros.evaluation.prediction import standard_deviation
 from lip_id_ros.evaluation.tables import error_table, notes, percent, show, Table
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 

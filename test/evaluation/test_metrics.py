@@ -20,7 +20,7 @@ from simulation.pendulums import swing
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import evaluate, metrics
-from lip_id_ros.evaluation.merging import merged
+from lip_id_ros.evaluation.metrics import merged
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.proof import not_positive_definite_percent, with_checks
 

@@ -13,7 +13,7 @@ import pytest
 from simulation.pendulums import swing
 
 from lip_id_ros.evaluation import evaluate
-from lip_id_ros.evaluation.near_rest import NEAR_REST, near_rest, RestErrors
+from lip_id_ros.evaluation.metrics import NEAR_REST, near_rest, RestErrors
 from lip_id_ros.evaluation.tables import error_table, notes
 
 

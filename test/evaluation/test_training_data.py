@@ -13,7 +13,7 @@ from simulation.pendulums import swing
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import evaluate
-from lip_id_ros.evaluation.training_data import training_data_warnings as warnings
+from lip_id_ros.evaluation.prediction import training_data_warnings as warnings
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples

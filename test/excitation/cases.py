@@ -7,7 +7,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.excitation.joint_limits import JointLimits
-from lip_id_ros.excitation.scaling import LimitedMotions
+from lip_id_ros.excitation.series import LimitedMotions
 
 SEEDS = st.integers(0, 2**32 - 1)
 

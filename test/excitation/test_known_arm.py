@@ -10,9 +10,8 @@ import pytest
 from rigid_body.arms import ARMS, random_bodies, random_chain
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.excitation.arms import KnownArm, unknown_arm, UnknownArm
 from lip_id_ros.excitation.expected_error import ExpectedError, MeanCriterion, States
-from lip_id_ros.excitation.known_arm import KnownArm
-from lip_id_ros.excitation.unknown_arms import unknown_arm, UnknownArm
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise

@@ -11,8 +11,7 @@ import pytest
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.excitation.joint_limits import JointLimits, limits_from, posture_from
-from lip_id_ros.excitation.scaling import LimitedMotions, peaks
-from lip_id_ros.excitation.series import at_rest, FourierMotion
+from lip_id_ros.excitation.series import at_rest, FourierMotion, LimitedMotions, peaks
 from lip_id_ros.excitation.settings import MotionSettings
 
 TEN_KHZ = 1e4

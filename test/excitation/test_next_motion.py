@@ -15,13 +15,18 @@ import lip_id_ros as lip
 from lip_id_ros.arrays import Array
 from lip_id_ros.description.urdf import parse_description
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.excitation.constraints import DEVIATIONS, TorqueLimits
+from lip_id_ros.excitation.arms import KnownArm
+from lip_id_ros.excitation.constraints import (
+    DEVIATIONS,
+    FIRST_SIZE,
+    LARGEST_GROWTH,
+    next_size,
+    shrunk,
+    TorqueLimits,
+)
 from lip_id_ros.excitation.expected_error import ExpectedError, Information
-from lip_id_ros.excitation.growth import FIRST_SIZE, LARGEST_GROWTH, next_size, shrunk
 from lip_id_ros.excitation.joint_limits import JointLimits
-from lip_id_ros.excitation.known_arm import KnownArm
-from lip_id_ros.excitation.scaling import LimitedMotions
-from lip_id_ros.excitation.series import FourierMotion
+from lip_id_ros.excitation.series import FourierMotion, LimitedMotions
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.model import InverseDynamicsModel

@@ -14,7 +14,7 @@ from scipy.optimize import check_grad
 import lip_id_ros as lip
 from lip_id_ros.arrays import Array
 from lip_id_ros.excitation.constraints import Constraints
-from lip_id_ros.excitation.scaling import LimitedMotions
+from lip_id_ros.excitation.series import LimitedMotions
 from lip_id_ros.excitation.settings import SpaceSettings
 from lip_id_ros.excitation.space import Space
 from lip_id_ros.rigid_body import Chain

@@ -10,10 +10,11 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from lip_id_ros.evaluation.cautions import evaluation_cautions
-from lip_id_ros.evaluation.metrics import Evaluation, Outcome
+from lip_id_ros.evaluation.metrics import Evaluation
+from lip_id_ros.evaluation.prediction import Outcome
 from lip_id_ros.evaluation.report import figures
 from lip_id_ros.evaluation.report.figures import Band
-from lip_id_ros.evaluation.report.page import drawn, page, Picture, write_folder
+from lip_id_ros.evaluation.report.page import drawn, Picture, write_page
 from lip_id_ros.evaluation.rollout import Rollouts
 from lip_id_ros.evaluation.tables import error_table, notes, rollout_tables
 from lip_id_ros.model import Prediction
@@ -59,7 +60,8 @@ def write_report(
     pictures = _pictures(outcome, evaluation, band, progress, rollouts)
     names, types = evaluation.joint_names, evaluation.joint_types
     simulated = rollout_tables(rollouts, names, types) if rollouts else []
-    text = page(
+    return write_page(
+        folder,
         labels.title,
         labels.facts,
         [*evaluation_cautions(evaluation), *labels.warnings],
@@ -68,7 +70,6 @@ def write_report(
         pictures,
         simulated,
     )
-    return write_folder(folder, text, pictures)
 
 
 def _pictures(

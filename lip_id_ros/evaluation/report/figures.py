@@ -14,7 +14,8 @@ import numpy as np
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.escaping import for_plot
-from lip_id_ros.evaluation.metrics import Evaluation, Outcome, standard_deviation
+from lip_id_ros.evaluation.metrics import Evaluation
+from lip_id_ros.evaluation.prediction import Outcome, standard_deviation
 from lip_id_ros.evaluation.report import style
 from lip_id_ros.evaluation.rollout import Rollouts
 from lip_id_ros.joint_types import POSITION_UNITS

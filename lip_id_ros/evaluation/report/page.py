@@ -1,9 +1,9 @@
-"""One self-contained HTML page, and the folder of the page and its pictures."""
+"""Pictures, and one self-contained HTML page with them."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 import io
 import os
@@ -52,16 +52,21 @@ class Picture:
     png: bytes
 
 
-def page(
+def write_page(
+    folder: str | os.PathLike[str],
     title: str,
     facts: Iterable[tuple[str, str]],
     warnings: Iterable[str],
     tables: Iterable[Table],
     notes: Iterable[str],
-    pictures: Iterable[Picture],
+    pictures: Sequence[Picture],
     details: Iterable[Table] = (),
-) -> str:
-    """Return the page as HTML: facts, warnings, tables of errors, notes, pictures, details."""
+) -> Path:
+    """
+    Write NAME.png for each picture, and index.html in place of an older; return the latter.
+
+    The page needs no network: facts, warnings, tables, notes, pictures, and tables of details.
+    """
     body = [
         f'<h1>{for_page(title)}</h1>',
         f'<div class="scroll"><table class="facts">\n{_rows(facts)}\n</table></div>',
@@ -71,13 +76,19 @@ def page(
         *(_figure(picture) for picture in pictures),
         *(_table(table) for table in details),
     ]
-    return (
+    text = (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'{MAKER}\n<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<title>{for_page(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n'
         + '\n'.join(body)
         + '\n</main>\n</body>\n</html>\n'
     )
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
+    for each in pictures:
+        write_whole(target / f'{each.name}.png', each.png)
+    write_whole(target / INDEX, text.encode())
+    return target / INDEX
 
 
 def _table(table: Table) -> str:
@@ -123,13 +134,3 @@ def drawn(drawings: Iterable[Drawing], progress: Progress) -> list[Picture]:
             pictures.append(picture(name, title, caption, draw()))
             progress('plot', number, len(todo))
     return pictures
-
-
-def write_folder(folder: str | os.PathLike[str], text: str, pictures: Iterable[Picture]) -> Path:
-    """Write NAME.png for each picture, and index.html in place of an older; return the latter."""
-    target = Path(folder)
-    target.mkdir(parents=True, exist_ok=True)
-    for each in pictures:
-        write_whole(target / f'{each.name}.png', each.png)
-    write_whole(target / INDEX, text.encode())
-    return target / INDEX

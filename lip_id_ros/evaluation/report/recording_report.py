@@ -20,7 +20,7 @@ from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.cautions import finding_lines
 from lip_id_ros.evaluation.recording_health import health_table
 from lip_id_ros.evaluation.report import style
-from lip_id_ros.evaluation.report.page import Drawing, drawn, page, write_folder
+from lip_id_ros.evaluation.report.page import Drawing, drawn, write_page
 from lip_id_ros.health import Evidence
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.progress import Progress, silent
@@ -79,7 +79,8 @@ def _report(
         ('samples', str(samples.n_samples)),
         ('duration', f'{samples.t[-1] - samples.t[0]:.4g} s'),
     )
-    text = page(
+    return write_page(
+        target,
         'Health of a recording',
         facts,
         finding_lines(finding for finding in findings if finding['severity'] != 'note'),
@@ -87,7 +88,6 @@ def _report(
         finding_lines(finding for finding in findings if finding['severity'] == 'note'),
         pictures,
     )
-    return write_folder(target, text, pictures)
 
 
 def _drawings(
