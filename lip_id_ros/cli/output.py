@@ -122,6 +122,14 @@ def is_json(path: Path) -> bool:
         return False
 
 
+def is_page(path: Path) -> bool:
+    """Whether a file is a page of this package."""
+    from lip_id_ros.evaluation.report.page import MAKER
+
+    with open(path, 'rb') as file:
+        return MAKER.encode() in file.read(1000)
+
+
 def console(*targets: str | None) -> Console:
     """Return where tables go: standard output, or standard error where a result takes that."""
     to_stderr = any(
@@ -229,7 +237,7 @@ def _check_writable(target: Path, path: str) -> None:
 
 
 def _is_report(folder: Path) -> bool:
-    from lip_id_ros.evaluation.report.page import INDEX, MAKER
+    from lip_id_ros.evaluation.report.page import INDEX
 
     index = folder / INDEX
-    return index.is_file() and MAKER.encode() in index.read_bytes()[:1000]
+    return index.is_file() and is_page(index)

@@ -19,27 +19,10 @@ from lip_id_ros.files import write_whole
 CHECKSUM_BYTES = 16
 MADE_BY = (
     *('arrays.py', 'checked_file.py', 'csv_table.py', 'files.py', 'joint_history.py'),
-    *(
-        'joint_types.py',
-        'linear_algebra.py',
-        'numba_jit.py',
-        'packable.py',
-        'dataset',
-        'description',
-    ),
-    *(
-        'evaluation',
-        'export',
-        'fleet',
-        'friction',
-        'gp',
-        'health',
-        'identification',
-        'kernels',
-        'loading',
-        'model',
-    ),
-    *('preprocessing', 'recording', 'rigid_body', 'settings'),
+    *('joint_types.py', 'linear_algebra.py', 'numba_jit.py', 'packable.py'),
+    *('dataset', 'description', 'evaluation', 'export', 'fleet', 'friction', 'gp', 'health'),
+    *('identification', 'kernels', 'loading', 'model', 'preprocessing', 'recording'),
+    *('rigid_body', 'settings'),
 )
 """Modules and rooms that results depend on: another text of one of them makes another version."""
 

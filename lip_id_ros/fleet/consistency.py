@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.fleet.parts import gather_kept
 from lip_id_ros.fleet.results import Survey
-from lip_id_ros.fleet.survey import reservoir_data
+from lip_id_ros.fleet.survey import gather_kept, reservoir_data
 from lip_id_ros.identification.left_out import Gain
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.statistics import contiguous_blocks

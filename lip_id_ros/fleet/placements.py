@@ -18,7 +18,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IntArray
 from lip_id_ros.dataset import concatenate, Dataset
-from lip_id_ros.fleet.results import Survey
+from lip_id_ros.fleet.results import ARM, SIGNALS, Survey
 from lip_id_ros.fleet.survey import merged
 from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.model import FrictionModel
@@ -36,8 +36,6 @@ from lip_id_ros.packable import Packable
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.settings import FitSettings
-
-SIGNALS = ('t', 'q', 'dq', 'ddq', 'tau', 'low_passed_sign', 'dahl_states', 'segment', 'recording')
 
 ROUNDS = ('', ', friction of each', ', without outliers')
 """
@@ -106,8 +104,7 @@ class PlacedArm(Packable):
     @cached_property
     def dataset(self) -> Dataset:
         """The samples that the arm was identified with."""
-        names = (*SIGNALS, 'joint_names', 'joint_types', 'gravity_compensated')
-        return Dataset(**{name: getattr(self, name) for name in names})
+        return Dataset(**{name: getattr(self, name) for name in (*ARM, *SIGNALS, 'recording')})
 
     @cached_property
     def around(self) -> Linearisation:
@@ -246,8 +243,6 @@ def _placed(
         report['description'] = description_report(found, described[0])
     kept = data.select(np.flatnonzero(plausible(data)))
     return PlacedArm(
-        joint_names=data.joint_names,
-        joint_types=data.joint_types,
         rotations=fit.chain.rotations,
         translations=fit.chain.translations,
         gravity=fit.chain.gravity,
@@ -263,8 +258,7 @@ def _placed(
         report=json.dumps(report),
         excluded=tuple(excluded.items()),
         processes=(),
-        **{name: getattr(kept, name) for name in SIGNALS},
-        gravity_compensated=kept.gravity_compensated,
+        **{name: getattr(kept, name) for name in (*ARM, *SIGNALS, 'recording')},
     )
 
 

@@ -14,10 +14,16 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import evaluate, Evaluation, matched
 from lip_id_ros.evaluation.metrics import merged
-from lip_id_ros.fleet.parts import first_shares, gathered_from, last_part
 from lip_id_ros.fleet.passes import digest, Passes, Source
 from lip_id_ros.fleet.results import EXCLUDED, FAILED, HELD_OUT, Survey
-from lip_id_ros.fleet.survey import joint_order, sorted_of_one_arm, survey
+from lip_id_ros.fleet.survey import (
+    first_shares,
+    gathered_from,
+    joint_order,
+    last_part,
+    sorted_of_one_arm,
+    survey,
+)
 from lip_id_ros.identification.folds import new_motion_s
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.total import FOLDS, RecordingFactors

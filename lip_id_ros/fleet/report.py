@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from importlib.resources import files
 import json
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,12 +31,6 @@ def write_fleet_report(
     file cannot be written.
     """
     write_whole(path, _page(result, f'{name}: several recordings').encode())
-
-
-def is_report(path: Path) -> bool:
-    """Whether a file is a page of this package."""
-    with open(path, 'rb') as file:
-        return MAKER.encode() in file.read(1000)
 
 
 def _page(result: FleetResult, title: str) -> str:

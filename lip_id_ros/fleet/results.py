@@ -17,6 +17,10 @@ Status of a recording: in the fit, left out since it contradicts the fleet, unre
 judge the fit by.
 """
 
+ARM = 'joint_names', 'joint_types', 'gravity_compensated'
+SIGNALS = 't', 'q', 'dq', 'ddq', 'tau', 'low_passed_sign', 'dahl_states', 'segment'
+"""Of a data set, what results of passes keep."""
+
 
 @dataclass(frozen=True, eq=False)
 class Refusal(Packable):

@@ -1,4 +1,8 @@
-"""The first pass over a recording: read it, and keep some samples that cover its motion."""
+"""
+What passes read of a recording: a survey with samples that cover its motion, and statistics.
+
+The first share of many recordings is learned from, the rest is held out.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +20,20 @@ from lip_id_ros.arrays import IndexArray
 from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
 from lip_id_ros.dataset.provenance import FINDINGS
+from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation.cautions import data_remarks
-from lip_id_ros.fleet.parts import first_part
-from lip_id_ros.fleet.results import Survey
+from lip_id_ros.fleet.results import ARM, SIGNALS, Survey
+from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.posterior import ranges_of
-from lip_id_ros.identification.sample_selection import covering, evenly, moving, remembering
+from lip_id_ros.identification.sample_selection import (
+    covering,
+    evenly,
+    explained,
+    moving,
+    plausible,
+    remembering,
+)
+from lip_id_ros.identification.total import gather, RecordingFactors
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.loading.examined import findings_of
 from lip_id_ros.preprocessing import for_training
@@ -45,6 +58,61 @@ MOST_TEXT = 20_000
 """Characters of a provenance that is kept."""
 
 
+def first_shares(counts: Mapping[int, int], share: float) -> dict[int, float]:
+    """
+    Return the first share of each recording that is among the first samples of all.
+
+    One recording at most is cut; of those after it the share is 0. DataError if nothing would be
+    left on one side.
+    """
+    total = sum(counts.values())
+    rest = round(share * total)
+    if not 0 < rest < total:
+        raise DataError(
+            f'a share {share:g} of {total} samples leaves nothing to learn from, or to hold out; '
+            'choose another, or record longer.'
+        )
+    shares = {}
+    for number in sorted(counts):
+        shares[number] = min(rest / counts[number], 1.0) if counts[number] else 0.0
+        rest -= round(shares[number] * counts[number])
+    return shares
+
+
+def _to_learn_from(data: Dataset, config: Config, share: float) -> Dataset:
+    """Return the first samples of a recording, all of them where the share is 1, as a fit does."""
+    first = data if share >= 1.0 else data.split(share)[0]
+    return for_training(first, config.preprocessing, config.fit.kernel)
+
+
+def last_part(data: Dataset, share: float) -> Dataset:
+    """Return the samples after the first share, all of them where it is 0."""
+    return data if share <= 0.0 else data.split(share)[1]
+
+
+def gathered_from(
+    path: str | os.PathLike[str],
+    around: Linearisation,
+    blocks: int,
+    config: Config,
+    share: float = 1.0,
+) -> RecordingFactors:
+    """
+    Read the first share of a recording and gather its statistics, in blocks kept apart.
+
+    Raises what `load_dataset` raises.
+    """
+    data = load_dataset(path, config).with_joints(around.joint_names)
+    return gather_kept(_to_learn_from(data, config, share), around, blocks)
+
+
+def gather_kept(dataset: Dataset, around: Linearisation, blocks: int = 1) -> RecordingFactors:
+    """Gather the statistics of the samples that are plausible and that the arm explains."""
+    dataset = moving(remembering(dataset))
+    kept = plausible(dataset) & explained(around.residual(dataset))
+    return gather(dataset, around, blocks, kept)
+
+
 def survey(
     path: str | os.PathLike[str], name: str, group: str, config: Config, share: float = 1.0
 ) -> Survey:
@@ -60,9 +128,7 @@ def survey(
         return examined(samples)
 
     data = load_dataset(path, config, assess=assess)
-    data = first_part(data, share)
-    data = for_training(data, config.preprocessing, config.fit.kernel)
-    found = survey_of(data, name, group)
+    found = survey_of(_to_learn_from(data, config, share), name, group)
     if contents:  # of what was read: processors round differently what is computed
         found = replace(found, key='-'.join(contents))
     return replace(found, temperature=mean_temperature(path)) if _is_bag(path) else found
@@ -94,17 +160,7 @@ def survey_of(dataset: Dataset, name: str, group: str) -> Survey:
         key=dataset.with_joints(sorted(dataset.joint_names)).digest(),
         name=name,
         group=group,
-        joint_names=dataset.joint_names,
-        joint_types=dataset.joint_types,
-        gravity_compensated=dataset.gravity_compensated,
-        t=some.t,
-        q=some.q,
-        dq=some.dq,
-        ddq=some.ddq,
-        tau=some.tau,
-        low_passed_sign=some.low_passed_sign,
-        dahl_states=some.dahl_states,
-        segment=some.segment,
+        **{name: getattr(some, name) for name in (*ARM, *SIGNALS)},
         n_samples=dataset.n_samples,
         rate_hz=float(source.get('rate_hz', 0.0)),
         seconds=_seconds(dataset),
@@ -148,17 +204,7 @@ def reservoir_data(
 ) -> Dataset:
     """Return the reservoir of a recording, at most so many of its samples."""
     data = Dataset(
-        t=survey.t,
-        q=survey.q,
-        dq=survey.dq,
-        ddq=survey.ddq,
-        tau=survey.tau,
-        low_passed_sign=survey.low_passed_sign,
-        dahl_states=survey.dahl_states,
-        segment=survey.segment,
-        joint_names=survey.joint_names,
-        joint_types=survey.joint_types,
-        gravity_compensated=survey.gravity_compensated,
+        **{name: getattr(survey, name) for name in (*ARM, *SIGNALS)},
         provenance={'sources': [json.loads(survey.provenance)]},
     )
     return data.with_joints(joint_names).select(evenly(len(survey.t), most))

@@ -14,10 +14,9 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
-from lip_id_ros.fleet.parts import gather_kept
-from lip_id_ros.fleet.placements import PlacedArm, SIGNALS
-from lip_id_ros.fleet.results import Survey
-from lip_id_ros.fleet.survey import survey_of
+from lip_id_ros.fleet.placements import PlacedArm
+from lip_id_ros.fleet.results import SIGNALS, Survey
+from lip_id_ros.fleet.survey import gather_kept, survey_of
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.residual_gp_selection import ResidualProcess
 from lip_id_ros.identification.sample_selection import measured
@@ -161,7 +160,7 @@ def placed() -> PlacedArm:
         report='{}',
         excluded=(),
         processes=(),
-        **{name: getattr(data, name) for name in SIGNALS},
+        **{name: getattr(data, name) for name in (*SIGNALS, 'recording')},
         gravity_compensated=False,
     )
 

@@ -17,10 +17,10 @@ from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import data_remarks, evaluate
 from lip_id_ros.fleet.engines import LocalEngine
 from lip_id_ros.fleet.fit import fit_fleet
-from lip_id_ros.fleet.parts import first_shares
 from lip_id_ros.fleet.passes import Passes
 from lip_id_ros.fleet.recordings import selected
 from lip_id_ros.fleet.results import FITTED, HELD_OUT
+from lip_id_ros.fleet.survey import first_shares
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.progress import silent

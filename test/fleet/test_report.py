@@ -10,7 +10,8 @@ from fleet.results import made_up
 import numpy as np
 import pytest
 
-from lip_id_ros.fleet.report import is_report, write_fleet_report
+from lip_id_ros.cli.output import is_page
+from lip_id_ros.fleet.report import write_fleet_report
 from lip_id_ros.fleet.results import FleetResult
 
 
@@ -56,8 +57,8 @@ def test_the_page_warns_of_joints_that_are_not_explained(tmp_path: Path) -> None
 def test_a_page_is_known_by_its_maker(tmp_path: Path) -> None:
     write_fleet_report(tmp_path / 'fleet.html', made_up(3))
     (tmp_path / 'other.html').write_text('<html></html>')
-    assert is_report(tmp_path / 'fleet.html')
-    assert not is_report(tmp_path / 'other.html')
+    assert is_page(tmp_path / 'fleet.html')
+    assert not is_page(tmp_path / 'other.html')
 
 
 def test_a_large_fleet_has_a_page_of_some_megabytes(tmp_path: Path) -> None:
