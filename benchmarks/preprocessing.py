@@ -21,9 +21,9 @@ from benchmarks._real import ARMS, RawRecordings, SPLITS
 from benchmarks._simulated_recordings import N_JOINTS, simulated
 from lip_id_ros.arrays import Array
 from lip_id_ros.identification import fit
+from lip_id_ros.loading.data_settings import CUTOFFS_HZ, HIGHEST, select_preprocessing
 from lip_id_ros.loading.delay_selection import REACH_S
 from lip_id_ros.loading.left_out_torques import target, uniform_segments
-from lip_id_ros.loading.preprocessing_selection import CUTOFFS_HZ, HIGHEST, select_preprocessing
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.preprocessing.pipeline import smooth

@@ -23,7 +23,7 @@ from lip_id_ros.friction.terms import FrictionTerm, Offset
 from lip_id_ros.joint_history import JointHistory, UNKNOWN
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.model.residual_gp_mean import ResidualGPMean
+from lip_id_ros.model.residual_gp import ResidualGPMean
 from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS

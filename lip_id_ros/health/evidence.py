@@ -11,16 +11,20 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, runs
 from lip_id_ros.health.clipping import noisy_share
-from lip_id_ros.health.lags import effort_lags, EffortLags
-from lip_id_ros.health.motion import (
+from lip_id_ros.health.effort_regressions import (
+    effort_lags,
     effort_regression,
+    EffortLags,
     EffortRegression,
+    Responses,
+    responses,
+)
+from lip_id_ros.health.motion import (
     motion_of,
     SmoothMotion,
     velocity_agreement,
     VelocityAgreement,
 )
-from lip_id_ros.health.responses import Responses, responses
 from lip_id_ros.joint_types import POSITION_UNITS
 from lip_id_ros.preprocessing.continuity import jumps, MOST_VALUES
 from lip_id_ros.preprocessing.sample_times import (

@@ -8,9 +8,10 @@ import re
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.health.effort_regressions import LEAST_VARIATION, SIGN_WIDTH
 from lip_id_ros.health.evidence import Evidence, Joint, STILL
 from lip_id_ros.health.finding import check, joint_check, JointText, Severity
-from lip_id_ros.health.motion import LEAST_VARIATION, SIGN_WIDTH, SmoothMotion
+from lip_id_ros.health.motion import SmoothMotion
 from lip_id_ros.joint_types import PRISMATIC, REVOLUTE
 from lip_id_ros.preprocessing.continuity import MOST_TURNS, TURN
 

@@ -40,8 +40,7 @@ from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.solution import Solution
 from lip_id_ros.identification.suspicions import suspicions
 from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.model.residual_gp import ResidualGP
-from lip_id_ros.model.residual_gp_mean import ResidualGPMean
+from lip_id_ros.model.residual_gp import ResidualGP, ResidualGPMean
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.rigid_body.chain import NO_COUPLINGS
 from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg

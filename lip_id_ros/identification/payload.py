@@ -20,7 +20,7 @@ from lip_id_ros.identification.payload_problem import (
 from lip_id_ros.identification.statistics import contiguous_blocks
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.model.residual_gp_mean import ResidualGPMean
+from lip_id_ros.model.residual_gp import ResidualGPMean
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 
 ROUNDS, EVALUATIONS, TOLERANCE = 3, 100, 1e-6

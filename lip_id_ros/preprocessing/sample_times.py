@@ -21,7 +21,6 @@ import math
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
-from lip_id_ros.preprocessing.isotonic import isotonic
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.joint_samples import SIGNALS
 from lip_id_ros.recording.spill import large_array, marked, release, row_blocks, steps
@@ -311,3 +310,18 @@ def _fitted(t: Array, numbers: IntArray) -> Array:
     step = float(centred @ (t - t.mean()) / (centred @ centred))
     even: Array = t.mean() + step * centred
     return even
+
+
+def isotonic(values: Array) -> Array:
+    """Return the non-decreasing values of least squares; SciPy 1.11 of Ubuntu 24.04 lacks it."""
+    means: list[float] = []
+    counts: list[int] = []
+    for value in values.tolist():
+        mean, count = value, 1
+        while means and means[-1] >= mean:
+            before = counts.pop()
+            mean = (means.pop() * before + mean * count) / (before + count)
+            count += before
+        means.append(mean)
+        counts.append(count)
+    return np.repeat(np.array(means), counts)

@@ -13,9 +13,13 @@ from benchmarks._simulated_recordings import N_JOINTS, simulated, SimulatedRecor
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.evaluation import data_remarks
 from lip_id_ros.loading import load_dataset, with_selected
-from lip_id_ros.loading.data_settings import first_share
+from lip_id_ros.loading.data_settings import (
+    CUTOFFS_HZ,
+    first_share,
+    select_preprocessing,
+    Selected,
+)
 from lip_id_ros.loading.delay_selection import fewest
-from lip_id_ros.loading.preprocessing_selection import CUTOFFS_HZ, select_preprocessing, Selected
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.preprocessing.smoothing import resample, resample_early
 from lip_id_ros.recording import JointSamples

@@ -19,11 +19,11 @@ from lip_id_ros.model.residual_gp import (
     FRICTION_VARIANCE,
     Inputs,
     ResidualGP,
+    ResidualGPMean,
     set_correlations,
     stored_inputs,
 )
 from lip_id_ros.model.residual_gp_deviation import compacted, ResidualGPDeviation
-from lip_id_ros.model.residual_gp_mean import ResidualGPMean
 
 TYPES = (R, P, R)
 States = tuple[Array, Array, Array]

@@ -14,8 +14,7 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.preprocessing import preprocess
-from lip_id_ros.preprocessing.isotonic import isotonic
-from lip_id_ros.preprocessing.sample_times import longest_silence, retimed, roughness
+from lip_id_ros.preprocessing.sample_times import isotonic, longest_silence, retimed, roughness
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import PreprocessingSettings
 
