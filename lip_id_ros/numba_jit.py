@@ -1,5 +1,5 @@
 """
-Compilation by numba: options, cache on disk, and the number of SIMD lanes.
+Compilation by numba: options, cache on disk, the number of SIMD lanes, and threads.
 
 Kernel loops work on `LANES` pairs of samples at once: the innermost index of each scratch array is
 the pair, so that the compiler turns each line of a formula into vector instructions whatever the
@@ -12,10 +12,12 @@ compiled and the same code from the cache round differently, and fits differ.
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 import fcntl
 from functools import cache, wraps
 import hashlib
+from itertools import pairwise
 import logging
 import os
 from pathlib import Path
@@ -168,3 +170,31 @@ def _tell_no_cache() -> None:
         'Compiled code cannot be kept here, and each first fit compiles for half a minute: '
         'set NUMBA_CACHE_DIR to a folder that can be written.'
     )
+
+
+FEW = 500
+"""States that one thread evaluates; more are shared among all threads."""
+
+
+def in_threads(work: Callable[[slice], None], count: int, few: int = FEW) -> None:
+    """
+    Call a compiled function with slices that cover so many states, in all threads.
+
+    No more than `few` of them do not pay for a second thread.
+    """
+    n_threads = os.cpu_count() or 1
+    if count <= few or n_threads == 1:
+        work(slice(0, count))
+        return
+    ends = np.linspace(0, count, n_threads + 1).astype(int).tolist()
+    first, *others = (slice(a, b) for a, b in pairwise(ends))
+    running = [_pool(os.getpid()).submit(work, each) for each in others]
+    work(first)
+    for each in running:
+        each.result()
+
+
+@cache
+def _pool(process: int) -> ThreadPoolExecutor:
+    # One per process: threads do not outlive a fork.
+    return ThreadPoolExecutor(max(1, (os.cpu_count() or 1) - 1), f'lip_id_ros-{process}')

@@ -31,8 +31,7 @@ from lip_id_ros.preprocessing.pipeline import at_most
 from lip_id_ros.progress import Progress
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import AUTO, Config, override
-from lip_id_ros.workflow.fit import learn
-from lip_id_ros.workflow.payload import find_payload
+from lip_id_ros.workflow.fit import find_payload, learn
 
 SHOWN = ('source', 'samples', 'dropped')
 """What of a source's provenance is worth a look in ~/status."""

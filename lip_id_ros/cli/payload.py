@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.export.payload import is_payload, require_links, to_yaml
     from lip_id_ros.files import write_whole
     from lip_id_ros.model import InverseDynamicsModel
-    from lip_id_ros.workflow.payload import find_payload
+    from lip_id_ros.workflow.fit import find_payload
 
     inputs = [args.model, *args.sources]
     output.check_distinct(args.yaml, args.output)

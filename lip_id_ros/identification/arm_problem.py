@@ -18,7 +18,7 @@ from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.kinematic_calibration import NOT_FINITE, Samples
 from lip_id_ros.identification.levenberg_marquardt import minimise
 from lip_id_ros.identification.simple_geometry import Geometry
-from lip_id_ros.model.threads import in_threads
+from lip_id_ros.numba_jit import in_threads
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.pseudo_inertia import (
     link_parameter_jacobian,

@@ -8,8 +8,7 @@ from lip_id_ros.arrays import Array, IndexArray, IntArray
 from lip_id_ros.friction.compiled import CompiledFriction, set_features, set_load_slopes
 from lip_id_ros.model.arm_mean import pack, unpack_friction
 from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.model.threads import in_threads
-from lip_id_ros.numba_jit import jit
+from lip_id_ros.numba_jit import in_threads, jit
 from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea import unpack_links

@@ -13,9 +13,8 @@ from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.friction.compiled import add_friction, CompiledFriction
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.residual_gp import add_means, ResidualGP, ResidualGPMean
-from lip_id_ros.model.threads import in_threads
 from lip_id_ros.model.torque_model import Parts
-from lip_id_ros.numba_jit import jit
+from lip_id_ros.numba_jit import in_threads, jit
 from lip_id_ros.rigid_body.rnea import (
     inertial_torque,
     pack_links,

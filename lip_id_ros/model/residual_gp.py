@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
-from lip_id_ros.model.threads import in_threads
-from lip_id_ros.numba_jit import jit
+from lip_id_ros.numba_jit import in_threads, jit
 
 FRICTION_VARIANCE = 10.0
 """Prior variance of viscous and Coulomb friction and offset, in variances of the torque."""

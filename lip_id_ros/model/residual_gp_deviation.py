@@ -23,8 +23,7 @@ from lip_id_ros.model.residual_gp import (
     set_inputs,
     SIGN_WIDTH,
 )
-from lip_id_ros.model.threads import in_threads
-from lip_id_ros.numba_jit import jit
+from lip_id_ros.numba_jit import in_threads, jit
 
 MOST_LARGER, MOST_SMALLER = 0.02, 0.003
 """By how much a deviation may exceed or fall short of the exact one at the checks, as shares."""

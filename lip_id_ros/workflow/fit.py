@@ -1,4 +1,4 @@
-"""From recordings to a model, and what it is worth on samples that it has not seen."""
+"""From recordings to a model, and what it is worth on unseen samples; or to a payload."""
 
 from __future__ import annotations
 
@@ -7,9 +7,23 @@ from dataclasses import dataclass
 
 from lip_id_ros import identification
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.evaluation import evaluate, Evaluation, fit_cautions, matched
+from lip_id_ros.evaluation import (
+    data_remarks,
+    evaluate,
+    Evaluation,
+    evaluation_cautions,
+    fit_cautions,
+    matched,
+)
+from lip_id_ros.export.payload import (
+    attached,
+    mass_cautions,
+    payload_in_flange,
+    residual_gp_cautions,
+)
 from lip_id_ros.identification.fitting import check
 from lip_id_ros.identification.folds import new_motion_s
+from lip_id_ros.identification.payload import identify_payload, Payload
 from lip_id_ros.loading.data_settings import settings_of
 from lip_id_ros.loading.examined import load_dataset
 from lip_id_ros.loading.load import PathLike
@@ -103,3 +117,33 @@ def fit(
     check(dataset, settings)
     preprocessing = settings_of(dataset.provenance).preprocessing
     return learn(dataset, Config(preprocessing=preprocessing, fit=settings), 0.0, progress).model
+
+
+@dataclass(frozen=True, eq=False)
+class FoundPayload:
+    """A payload in the robot's flange, the model of the arm with it, and cautions in sentences."""
+
+    payload: Payload
+    model: InverseDynamicsModel
+    cautions: list[str]
+
+
+def find_payload(
+    model: InverseDynamicsModel, data: Dataset, flange: tuple[float, float] = (0.0, 0.0)
+) -> FoundPayload:
+    """
+    Identify the payload of an arm whose model is known.
+
+    `data`: of the arm with its payload, with the model's joints in its order. `flange`: its frame
+    in that of the last link, as `payload_in_flange` takes it. DataError and FitError as from
+    `identify_payload`.
+    """
+    found = identify_payload(model, data)
+    shown, loaded = payload_in_flange(found, *flange), attached(model, found)
+    cautions = [
+        *data_remarks(data.provenance),
+        *mass_cautions(shown),
+        *residual_gp_cautions(model),
+        *evaluation_cautions(evaluate(loaded, data)),
+    ]
+    return FoundPayload(shown, loaded, cautions)
