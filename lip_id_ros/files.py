@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 import errno
 import fcntl
+import glob
 import json
 import math
 import os
@@ -190,10 +191,14 @@ def _remove_unlocked(path: Path) -> None:
 
 
 @contextmanager
-def scratch_folder() -> Iterator[str]:
-    """Give a folder for temporary files while the context lasts; remove those of killed ones."""
-    _sweep_scratch()
-    with tempfile.TemporaryDirectory(prefix=SCRATCH) as folder:
+def scratch_folder(prefix: str = SCRATCH, place: Path | None = None) -> Iterator[str]:
+    """
+    Give a folder for temporary files while the context lasts; remove those of killed ones.
+
+    `place`: folder in which it is made; that for temporary files where it is not given.
+    """
+    _sweep_scratch(prefix, Path(tempfile.gettempdir()) if place is None else place)
+    with tempfile.TemporaryDirectory(prefix=prefix, dir=place) as folder:
         lock = os.open(folder, os.O_RDONLY)
         try:
             with suppress(OSError):
@@ -203,9 +208,9 @@ def scratch_folder() -> Iterator[str]:
             os.close(lock)
 
 
-def _sweep_scratch() -> None:
+def _sweep_scratch(prefix: str, place: Path) -> None:
     old = time.time() - SWEEP_AFTER_S
-    for left in Path(tempfile.gettempdir()).glob(f'{SCRATCH}*'):
+    for left in place.glob(f'{glob.escape(prefix)}*'):
         with suppress(OSError):
             if left.lstat().st_mtime > old or left.is_symlink():
                 continue

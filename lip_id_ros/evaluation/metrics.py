@@ -48,15 +48,10 @@ def mean_of_known(values: tuple[float, ...]) -> float:
 @dataclass(frozen=True)
 class RestErrors:
     """
-    Root mean square errors of joints in motion and near rest, per joint.
+    Root mean square errors of joints in motion and near rest [N m or N], per joint.
 
-    Attributes
-    ----------
-    near_rest_percent : tuple of float
-        Share of the samples at which a joint is near rest.
-    in_motion, near_rest : tuple of float
-        [N m or N]; nan where there are no such samples.
-
+    Not a number where there are no such samples; `near_rest_percent` is the share of those near
+    rest.
     """
 
     near_rest_percent: tuple[float, ...]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -111,12 +111,10 @@ def design(
     )
 
 
-class _Report(Protocol):
-    def __call__(self, step: int) -> None:
-        """Take the number of steps that are done."""
-
-
-def _improved(problem: _Problem, x: Array, steps: int, report: _Report) -> tuple[float, Array]:
+def _improved(
+    problem: _Problem, x: Array, steps: int, report: Callable[[int], None]
+) -> tuple[float, Array]:
+    """Return the best numbers on the way down, whose `report` takes the steps that are done."""
     value, slope = problem.value_and_gradient(x)
     best = value, x
     mean, square = np.zeros_like(x), np.zeros_like(x)

@@ -118,9 +118,10 @@ class LimitedMotions:
         self._posture, self._duration = posture, duration
         share = np.cos(np.pi * harmonics / count) * (1.0 - ROUNDING)
         middle, half = 0.5 * (limits.lower + limits.upper), 0.5 * (limits.upper - limits.lower)
+        derivatives = [share * each for each in limits.derivatives]
         self._above, self._below = (
             np.maximum(
-                np.array([share * half + sign * (middle - posture), *_largest(limits, share)]),
+                np.array([share * half + sign * (middle - posture), *derivatives]),
                 0.0,
             ).repeat(count, axis=0)
             for sign in (1.0, -1.0)
@@ -167,10 +168,6 @@ class LimitedMotions:
             return np.column_stack([by_shape @ self._free, by_gain])
 
         return FourierMotion(self._posture, coefficients, self._duration), pullback
-
-
-def _largest(limits: JointLimits, share: float) -> list[Array]:
-    return [share * values for values in limits.derivatives]
 
 
 def peaks(motion: FourierMotion) -> Array:

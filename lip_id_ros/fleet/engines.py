@@ -258,7 +258,8 @@ class RayEngine(Engine):
         shared = self._ray.put(function)  # once, not with every task
         waiting = deque(range(len(items)))
         while waiting or running:
-            while waiting and len(running) < self._most():
+            cpus = self._ray.cluster_resources().get('CPU', 1)
+            while waiting and len(running) < max(1, int(TASKS_PER_CPU * cpus)):
                 number = waiting.popleft()
                 running[self._task.remote(shared, items[number])] = number
             done, _ = self._ray.wait(list(running), num_returns=1, timeout=INTERVAL_S)
@@ -266,10 +267,6 @@ class RayEngine(Engine):
                 finish(running.pop(task), self._outcome(task))
             if not done:
                 self._pulse.require()
-
-    def _most(self) -> int:
-        cpus = self._ray.cluster_resources().get('CPU', 1)
-        return max(1, int(TASKS_PER_CPU * cpus))
 
     def _outcome(self, task: Any) -> Outcome:
         try:

@@ -186,8 +186,9 @@ class _Loading:
         if Path(path).suffix == CSV_SUFFIX or 'gravity_compensated' in defaults:
             without = data.gravity_compensated or recording.gravity_compensated
             data = replace(data, gravity_compensated=without)
-        if Path(path).suffix == CSV_SUFFIX or 'joint_types' in defaults:
-            data = _with_types(data, recording.joint_types)
+        may_have_types = Path(path).suffix == CSV_SUFFIX or 'joint_types' in defaults
+        if recording.joint_types and may_have_types:
+            data = replace(data, joint_types=recording.joint_types)
         fresh = self._fresh(os.fspath(path), data.joint_names, data.q, data.tau)
         if fresh.any():
             data = data if fresh.all() else data.select(np.flatnonzero(fresh))
@@ -219,11 +220,6 @@ def _with_sketch(data: Dataset, path: str) -> Dataset:
     if not known.endswith(sketch):  # as where a data set was loaded and saved
         first = {**first, SKETCH: known + sketch}
     return replace(data, provenance={**data.provenance, 'sources': [first, *others]})
-
-
-def _with_types(data: Dataset, joint_types: Sequence[str]) -> Dataset:
-    """Give joints the types of the settings, where there are any."""
-    return replace(data, joint_types=tuple(joint_types)) if joint_types else data
 
 
 def noted(data: Dataset, entries: Mapping[str, Any]) -> Dataset:

@@ -23,8 +23,6 @@ from lip_id_ros.rigid_body.rnea import (
     WORK_VECTORS,
 )
 
-States = tuple[Array, Array, Array]
-
 
 class ArmMean:
     """
@@ -71,14 +69,10 @@ class ArmMean:
         )
         parts = Parts(tau, inertial, coriolis, gravity, friction, out[:, -2], out[:, -1])
         if self._residual_gp is not None:
-            _add_residual_gp(parts, self._residual_gp, (q, dq, ddq))
+            parts.friction[:] -= parts.tau
+            self._residual_gp.add_to(parts.tau, q, dq, ddq)
+            parts.friction[:] += parts.tau
         return parts
-
-
-def _add_residual_gp(parts: Parts, residual_gp: ResidualGPMean, states: States) -> None:
-    parts.friction[:] -= parts.tau
-    residual_gp.add_to(parts.tau, *states)
-    parts.friction[:] += parts.tau
 
 
 def pack(arm: ArmPosterior, friction: CompiledFriction) -> tuple[Array, IntArray]:

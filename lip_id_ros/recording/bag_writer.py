@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-import fcntl
-import glob
 import os
 from pathlib import Path
-import shutil
 import tempfile
 from typing import Any, ClassVar, Literal, Self
 
@@ -18,7 +15,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.files import is_stream, move_into_place, sync, sync_folder
+from lip_id_ros.files import is_stream, move_into_place, scratch_folder, sync, sync_folder
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 BAG_VERSION: Literal[8] = 8  # the newest that Humble reads too
@@ -121,15 +118,12 @@ def write_bag_folder(path: str | os.PathLike[str], tracks: Sequence[Track]) -> N
     target = Path(path)
     if target.exists():
         raise FileExistsError(f'{target} exists; choose another name for the bag.')
-
-    def keep(bag: Path) -> None:
+    with _written_beside(target, tracks) as bag:
         for file in bag.iterdir():
             sync(file)
         sync_folder(bag)
         bag.rename(target)
         sync_folder(target.parent)
-
-    _in_scratch(target, tracks, keep)
 
 
 def write_mcap(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
@@ -141,39 +135,18 @@ def write_mcap(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
     target = (
         Path(tempfile.gettempdir(), 'bag') if is_stream(path) else Path(os.path.realpath(path))
     )
-
-    def keep(bag: Path) -> None:
+    with _written_beside(target, tracks) as bag:
         (storage,) = bag.glob('*.mcap')
         move_into_place(storage, path)
 
-    _in_scratch(target, tracks, keep)
 
-
-def _in_scratch(target: Path, tracks: Sequence[Track], keep: Callable[[Path], object]) -> None:
-    prefix = f'.{target.name}{_SCRATCH}'
-    for left in target.parent.glob(f'{glob.escape(prefix)}*'):
-        _remove_unlocked(left)
-    scratch = Path(tempfile.mkdtemp(prefix=prefix, dir=target.parent))
-    lock = os.open(scratch, os.O_RDONLY)
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # until it is closed: see _remove_unlocked
-        bag = scratch / target.stem
+@contextmanager
+def _written_beside(target: Path, tracks: Sequence[Track]) -> Iterator[Path]:
+    """Give a bag in a scratch folder beside its place while the context lasts."""
+    with scratch_folder(f'.{target.name}{_SCRATCH}', target.parent) as scratch:
+        bag = Path(scratch, target.stem)
         _write(bag, tracks)
-        keep(bag)
-    finally:
-        os.close(lock)
-        shutil.rmtree(scratch, ignore_errors=True)
-
-
-def _remove_unlocked(scratch: Path) -> None:
-    """Remove what a killed write left: nobody locks it."""
-    with suppress(OSError):
-        lock = os.open(scratch, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            shutil.rmtree(scratch, ignore_errors=True)
-        finally:
-            os.close(lock)
+        yield bag
 
 
 def _write(bag: Path, tracks: Sequence[Track]) -> None:

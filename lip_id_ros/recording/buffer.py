@@ -135,7 +135,8 @@ class SampleBuffer:
             trial = SampleBuffer(key, expected_rows=1)
             if (flaw := trial._take(stamp, key, position, velocity, effort)) is not None:
                 return flaw
-            self._adopt(key)
+            self.joint_names = key
+            self._rows = np.empty((len(self._stamps), 3, len(key)))
         order = self._orders.get(key)
         if order is None:
             order = self._remember_order(key)
@@ -175,10 +176,6 @@ class SampleBuffer:
         rows = np.empty((capacity, *self._rows.shape[1:]))
         stamps[: self._size], rows[: self._size] = self._stamps, self._rows
         self._stamps, self._rows = stamps, rows
-
-    def _adopt(self, names: tuple[str, ...]) -> None:
-        self.joint_names = names
-        self._rows = np.empty((len(self._stamps), 3, len(names)))
 
     def _remember_order(self, names: tuple[str, ...]) -> IndexArray | Reason:
         order = self._order(names)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
+import os
 from pathlib import Path
 import sqlite3
 import subprocess
@@ -71,11 +74,23 @@ def test_what_a_killed_write_left_is_removed_by_the_next(tmp_path: Path) -> None
     ran = subprocess.run([sys.executable, '-c', program, str(target)], check=False)
     assert ran.returncode == -9
     (left,) = tmp_path.iterdir()
+    os.utime(left, (0, 0))
     foreign = tmp_path / '.a.mcap.mine'
     foreign.mkdir()
     write_mcap(target, [NumberTrack('/x', np.arange(3.0), np.zeros(3))])
     assert not left.exists()
     assert sorted(tmp_path.iterdir()) == [foreign, target]
+
+
+def test_a_bag_is_written_where_there_are_no_locks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unsupported(file: object, operation: int) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, 'flock', unsupported)
+    write_mcap(tmp_path / 'a.mcap', [NumberTrack('/x', np.arange(3.0), np.zeros(3))])
+    assert [path.name for path in tmp_path.iterdir()] == ['a.mcap']
 
 
 def test_mcap_keeps_links_and_modes(tmp_path: Path) -> None:
