@@ -34,9 +34,14 @@ def message(
     return JointMessage(round(stamp_s * 1e9), NAMES, position, velocity, effort)
 
 
-def filled(n_rows: int) -> Recorder:
-    recorder = Recorder((), max_rows=1000)
+def started(joints: Sequence[str] = (), max_rows: int = 1000) -> Recorder:
+    recorder = Recorder(joints, max_rows=max_rows)
     recorder.recording = True
+    return recorder
+
+
+def filled(n_rows: int) -> Recorder:
+    recorder = started()
     for row in range(n_rows):
         recorder.add(message(100.0 + 0.5 * row, [row, -row], [1.0, 2.0], [3.0, 4.0]))
     return recorder
@@ -70,8 +75,7 @@ def test_nothing_is_kept_while_not_recording() -> None:
 
 
 def test_another_robot_on_the_topic_is_no_alarm_beside_this_one() -> None:
-    recorder = Recorder(NAMES, max_rows=9)
-    recorder.recording = True
+    recorder = started(NAMES)
     foreign = message(1.0, [0.0])._replace(names=['finger'])
     recorder.add(foreign)
     assert recorder.n_alarming == 1
@@ -81,8 +85,7 @@ def test_another_robot_on_the_topic_is_no_alarm_beside_this_one() -> None:
 
 
 def test_memory_is_bounded_and_what_is_left_out_is_counted() -> None:
-    recorder = Recorder((), max_rows=2)
-    recorder.recording = True
+    recorder = started(max_rows=2)
     for row in range(5):
         recorder.add(message(1.0 + row, [0.0, 0.0]))
     assert len(recorder) == 2
@@ -121,8 +124,7 @@ def test_unsaved_samples_are_kept_in_a_bag_that_reads_back(tmp_path: Path) -> No
 
 def test_a_kept_bag_has_the_stamps_that_came_to_the_nanosecond(tmp_path: Path) -> None:
     """As seconds, stamps of today are up to 119 ns off, and those 100 ns apart were one."""
-    recorder = Recorder((), max_rows=1000)
-    recorder.recording = True
+    recorder = started()
     start = 1_795_285_693_174_866_896
     stamps = [start, start + 1, start + 101, start + 1_000_000_003, start - 7, start - 5, start]
     for stamp in stamps:
@@ -242,8 +244,7 @@ def full_after(n_files: int) -> Callable[[Path], Path]:
 def test_the_room_that_is_asked_for_suffices_for_names_of_any_length(
     length: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    recorder, path = Recorder((), max_rows=1000), tmp_path / 'unsaved.mcap'
-    recorder.recording = True
+    recorder, path = started(), tmp_path / 'unsaved.mcap'
     names = [f'{joint}'.rjust(length, 'x') for joint in range(5)]
     for row in range(500):
         values = [float(row)] * 5
@@ -301,8 +302,7 @@ def test_samples_handed_over_arrive_unchanged(tmp_path: Path) -> None:
 
 
 def test_gaps_in_stamps_are_counted() -> None:
-    recorder = Recorder((), max_rows=1000)
-    recorder.recording = True
+    recorder = started()
 
     def add(*stamps: float) -> None:
         for stamp in stamps:
@@ -337,8 +337,7 @@ def test_rows_recorded_during_a_save_are_not_taken_for_saved(tmp_path: Path) -> 
 
 
 def test_messages_without_velocity_are_neither_lost_nor_taken_for_saved(tmp_path: Path) -> None:
-    recorder = Recorder((), max_rows=1000)
-    recorder.recording = True
+    recorder = started()
     for row in range(300):
         velocity = [1.0, 2.0] if row == 7 else []
         recorder.add(message(100.0 + 0.01 * row, [row, -row], velocity))

@@ -10,6 +10,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
+import pytest
 
 from lip_id_ros.acquisition.sections import MOST_SECTIONS, Sections
 from lip_id_ros.recording import Reason
@@ -36,44 +37,41 @@ def stamps_of(sections: Sections) -> list[list[float]]:
     return [(each.start_s + each.t).round(6).tolist() for each in sections.samples('t')]
 
 
-def test_one_stamp_far_ahead_is_rejected_and_the_rest_is_kept() -> None:
-    sections = filled([NOW, NOW + 0.1, NOW + 1e6, NOW + 0.2, NOW + 0.3])
-    assert stamps_of(sections) == [[NOW, NOW + 0.1, NOW + 0.2, NOW + 0.3]]
-    assert sections.counts == {'stamp far ahead': 1}
+PAUSE = 3 * LONGEST_STEP_S
+AHEAD, BACK = 'stamp far ahead', 'stamp went back'
+STREAMS: dict[str, tuple[list[float], list[list[float]], dict[str, int]]] = {
+    'one stamp far ahead': (
+        [NOW, NOW + 0.1, NOW + 1e6, NOW + 0.2, NOW + 0.3],
+        [[NOW, NOW + 0.1, NOW + 0.2, NOW + 0.3]],
+        {AHEAD: 1},
+    ),
+    'a first stamp far ahead': (
+        [NOW + 1e6, NOW, NOW + 0.1, NOW + 0.2, NOW + 0.3],
+        [[NOW + 1e6], [NOW, NOW + 0.1, NOW + 0.2, NOW + 0.3]],
+        {},
+    ),
+    'a late message': ([1.0, 1.2, 1.1, 1.3], [[1.0, 1.2, 1.3]], {BACK: 1}),
+    'a clock that may have restarted': ([9.0, 9.1, 0.5, 0.6], [[9.0, 9.1]], {BACK: 2}),
+    'a restarted clock': ([9.0, 9.1, 0.5, 0.6, 0.7, 0.8], [[9.0, 9.1], [0.5, 0.6, 0.7, 0.8]], {}),
+    'a pause': (
+        [1.0, 1.1, PAUSE, PAUSE + 0.1, PAUSE + 0.2],
+        [[1.0, 1.1, PAUSE, PAUSE + 0.1, PAUSE + 0.2]],
+        {},
+    ),
+    'two clocks at once': (
+        [stamp + offset for stamp in (1.0, 2.0, 3.0, 4.0, 5.0) for offset in (0.0, NOW)],
+        [[1.0, 2.0, 3.0, 4.0, 5.0]],
+        {AHEAD: 5},
+    ),
+}
 
 
-def test_a_first_stamp_far_ahead_costs_nothing_but_itself() -> None:
-    sections = filled([NOW + 1e6, NOW, NOW + 0.1, NOW + 0.2, NOW + 0.3])
-    assert stamps_of(sections) == [[NOW + 1e6], [NOW, NOW + 0.1, NOW + 0.2, NOW + 0.3]]
-    assert sections.counts == {}
-
-
-def test_a_late_message_is_rejected() -> None:
-    sections = filled([1.0, 1.2, 1.1, 1.3])
-    assert stamps_of(sections) == [[1.0, 1.2, 1.3]]
-    assert sections.counts == {'stamp went back': 1}
-
-
-def test_a_restarted_clock_begins_a_section_and_loses_nothing() -> None:
-    sections = filled([100.0, 100.1, 0.5, 0.6])
-    assert sections.counts == {'stamp went back': 2}
-    sections.add(message(0.7))
-    sections.add(message(0.8))
-    assert stamps_of(sections) == [[100.0, 100.1], [0.5, 0.6, 0.7, 0.8]]
-    assert sections.counts == {}
-
-
-def test_a_pause_loses_nothing() -> None:
-    pause = 3 * LONGEST_STEP_S
-    sections = filled([1.0, 1.1, pause, pause + 0.1, pause + 0.2, pause + 0.3])
-    assert stamps_of(sections) == [[1.0, 1.1, pause, pause + 0.1, pause + 0.2, pause + 0.3]]
-    assert sections.counts == {}
-
-
-def test_two_clocks_at_once_are_not_mixed() -> None:
-    sections = filled(stamp + offset for stamp in range(1, 9) for offset in (0.0, NOW))
-    assert stamps_of(sections) == [[float(stamp) for stamp in range(1, 9)]]
-    assert sections.counts == {'stamp far ahead': 8}
+@pytest.mark.parametrize('kind', STREAMS)
+def test_a_clock_is_followed_and_a_wrong_stamp_rejected(kind: str) -> None:
+    stamps, kept, counts = STREAMS[kind]
+    sections = filled(stamps)
+    assert stamps_of(sections) == kept
+    assert sections.counts == counts
 
 
 def test_flaws_of_doubted_messages_keep_their_reason() -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 import sqlite3
+from typing import Any
 
 from backports import zstd
 import lz4.frame
@@ -28,16 +29,19 @@ def stored(path: Path, topic: str = '/joint_states') -> list[tuple[int, bytes]]:
         return [(time, data or b'') for _, time, data in bag.stored(topic)]
 
 
+def of_library(reader: Any) -> list[tuple[int, bytes]]:
+    with reader:
+        wanted = [each for each in reader.connections if each.topic == '/joint_states']
+        return [(time, bytes(data)) for _, time, data in reader.messages(wanted)]
+
+
 @pytest.mark.parametrize('compression', list(CompressionType))
 @pytest.mark.parametrize('index', [IndexType.ALL, IndexType.CHUNK, IndexType.NONE])
 def test_mcap_gives_what_the_library_finds(
     tmp_path: Path, compression: CompressionType, index: IndexType
 ) -> None:
     path = write_mcap(tmp_path / 'a.mcap', STATES, compression, index, chunk_size=2000)
-    with rosbag2.Reader(write_mcap(tmp_path / 'whole.mcap', STATES)) as reader:
-        wanted = [each for each in reader.connections if each.topic == '/joint_states']
-        expected = [(time, bytes(data)) for _, time, data in reader.messages(wanted)]
-    assert stored(path) == expected
+    assert stored(path) == of_library(rosbag2.Reader(write_mcap(tmp_path / 'all.mcap', STATES)))
     with Bag(path) as bag:
         assert [(topic.name, topic.count) for topic in bag.topics] == [
             ('/joint_states', 40),
@@ -71,10 +75,7 @@ def test_mcap_without_summary(tmp_path: Path) -> None:
 @pytest.mark.parametrize('compression', [None, *rosbag1.Writer.CompressionFormat])
 def test_ros1_bag_gives_what_the_library_finds(tmp_path: Path, compression: object) -> None:
     path = write_ros1(tmp_path / 'a.bag', STATES, compression)
-    with rosbag1.Reader(path) as reader:
-        wanted = [each for each in reader.connections if each.topic == '/joint_states']
-        expected = [(time, bytes(data)) for _, time, data in reader.messages(wanted)]
-    assert stored(path) == expected
+    assert stored(path) == of_library(rosbag1.Reader(path))
 
 
 def test_ros1_bag_of_two_publishers_of_a_topic_keeps_their_order(tmp_path: Path) -> None:
@@ -86,10 +87,7 @@ def test_ros1_bag_of_two_publishers_of_a_topic_keeps_their_order(tmp_path: Path)
 
 def test_sqlite_gives_what_the_library_finds(tmp_path: Path) -> None:
     path = write_file(tmp_path / 'a', STATES, '.db3')
-    with rosbag2.Reader(path) as reader:
-        wanted = [each for each in reader.connections if each.topic == '/joint_states']
-        expected = [(time, bytes(data)) for _, time, data in reader.messages(wanted)]
-    assert stored(path) == expected
+    assert stored(path) == of_library(rosbag2.Reader(path))
 
 
 @pytest.mark.parametrize('suffix', ['.mcap', '.db3'])
