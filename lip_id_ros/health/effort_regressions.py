@@ -246,7 +246,7 @@ def responses(motion: SmoothMotion, lag_s: float) -> tuple[Responses, Responses]
     """
     Regress all efforts on accelerations, velocities, and sines and cosines of positions.
 
-    `motion` is long enough for `motion.effort_regression`; efforts come late by `lag_s`, 0 where
+    `motion` is long enough for `effort_regression`; efforts come late by `lag_s`, 0 where
     it is not finite. Returns responses to accelerations [N m s^2], and mean friction along the
     velocity.
     """

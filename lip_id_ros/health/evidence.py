@@ -149,7 +149,7 @@ class Joint:
     `t`, shape (N,) [s]. `signals`: position, and velocity and effort where they were recorded.
     `smooth_velocity`, shape (K,): derivative of the smooth position [rad/s or m/s], K = 0 where
     the recording is too short. `velocity_*` as in `motion.VelocityAgreement`, `effort_explained`
-    and `friction_*` as in `motion.EffortRegression`. `effort_period`: samples over which the
+    and `friction_*` as in `EffortRegression`. `effort_period`: samples over which the
     effort of this joint is held while those of others change. `braking`: inertia and friction in
     standard errors, together; negative where the sign is reversed, not known of a coarse effort.
     """
