@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.acquisition import recording_file
-from lip_id_ros.acquisition.recorder import Recorder
+from lip_id_ros.acquisition.recorder import Gaps, Recorder
 from lip_id_ros.acquisition.recording_file import pass_on, receive
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.recording import Bag, JointSamples, read_sources
@@ -299,6 +299,14 @@ def test_samples_handed_over_arrive_unchanged(tmp_path: Path) -> None:
         assert_same(one, other)
     assert (arrived[0].source, arrived[0].topic) == ('recording', '/joint_states')
     assert [section.counts for section in arrived] == [{'position empty': 1}, {}]
+
+
+def test_a_long_gap_hides_no_shorter_one_after_it() -> None:
+    gaps, usual = Gaps(), 20_000_000
+    for step in [*[usual] * 50, 100 * usual, *[usual] * 3, 10 * usual, usual]:
+        gaps.add(step)
+    assert gaps.count == 2
+    assert gaps.longest_s == pytest.approx(2.0)
 
 
 def test_gaps_in_stamps_are_counted() -> None:

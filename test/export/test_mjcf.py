@@ -66,6 +66,17 @@ def test_tendons_of_coupled_positions() -> None:
     np.testing.assert_allclose(model.tendon_range[:, 0], arm.ranges.q_min[2:])
 
 
+def test_the_key_is_in_the_middle_of_reported_ranges_where_positions_are_coupled() -> None:
+    arm = arm_of(COUPLED)
+    ranges = replace(arm.ranges, q_min=arm.ranges.q_max - 0.2)
+    model = compiled(to_mjcf(replace(arm, ranges=ranges)))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    middle = arm.ranges.q_max - 0.1
+    np.testing.assert_allclose([*data.qpos[:2], *data.ten_length], middle, atol=1e-12)
+
+
 def test_it_can_be_simulated() -> None:
     model = compiled(to_mjcf(random_arm('RRR')))
     data = mujoco.MjData(model)

@@ -8,11 +8,12 @@ import shutil
 import subprocess
 import xml.etree.ElementTree as ET
 
-from export.arms import panda, random_arm
+from export.arms import model_of, panda, random_arm
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from lip_id_ros.export.arm import describe
 from lip_id_ros.export.text import number, roll_pitch_yaw
 from lip_id_ros.export.urdf import RADIUS, rotor_inertias, to_urdf
 from lip_id_ros.rigid_body.chain import ROTOR
@@ -38,6 +39,16 @@ def test_it_says_what_was_recorded() -> None:
         assert float(dynamics.get('damping', 'nan')) == arm.friction.coefficients[3 * i]
         assert float(dynamics.get('friction', 'nan')) == arm.friction.coefficients[3 * i + 1]
     np.testing.assert_array_equal(rotor_inertias(root, arm.joint_names), arm.links[:, ROTOR])
+
+
+def test_limits_are_the_largest_of_both_directions() -> None:
+    model = model_of(random_arm('RP'))
+    low, high = -np.array([[1.0, 0.5], [2.0, 3.0], [7.0, 5.0]]), np.ones((3, 2))
+    ranges = describe(replace(model, training_range=(low, high)), 'arm').arm.ranges
+    assert ranges.q_min.tolist() == [-1.0, -0.5]
+    assert ranges.q_max.tolist() == [1.0, 1.0]
+    assert ranges.dq_max.tolist() == [2.0, 3.0]
+    assert ranges.ddq_max.tolist() == [7.0, 5.0]
 
 
 def test_axes_and_links_can_be_seen() -> None:

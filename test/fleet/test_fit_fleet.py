@@ -98,6 +98,17 @@ def test_what_does_not_belong_is_named_with_the_reason(fleet: Fleet) -> None:
     assert copy == f'is a copy of {fleet.sources[0].name}'
 
 
+def test_ranges_are_those_of_the_joints_whatever_the_order_of_a_recording(fleet: Fleet) -> None:
+    model = fleet.result.model
+    states = np.array([[each.q, each.dq, each.ddq] for each in fleet.data])
+    low, high = model.training_range
+    assert_allclose(low, states.min(axis=(0, 2)))
+    assert_allclose(high, states.max(axis=(0, 2)))
+    largest = np.abs([each.tau for each in fleet.data]).max(axis=(0, 1))
+    assert_allclose(model.largest_torque, largest)
+    assert_allclose(model.potential_reference, states[:, 0].mean(axis=(0, 1)))
+
+
 def test_every_stage_begins_once(fleet: Fleet) -> None:
     assert len(fleet.begun) == 4  # of two identifications; this engine does not announce passes
     assert len(set(fleet.begun)) == len(fleet.begun)

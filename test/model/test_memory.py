@@ -124,6 +124,16 @@ def test_a_stream_has_the_torques_of_its_motion(model: InverseDynamicsModel) -> 
     np.testing.assert_allclose(found, remembered(model, states, t), atol=1e-9)
 
 
+def test_an_array_that_is_used_again_spoils_no_memory(model: InverseDynamicsModel) -> None:
+    t, states = motion(model)
+    memory, expected = model.running_memory(), remembered(model, states, t)
+    assert memory is not None
+    rows, state = np.stack(states, axis=1), np.empty((3, model.n_joints))
+    for now, row, torque in zip(t.tolist(), rows, expected, strict=True):
+        state[:] = row
+        np.testing.assert_allclose(memory.torque(state, now), torque, atol=1e-9)
+
+
 def test_a_stream_that_was_silent_begins_anew(model: InverseDynamicsModel) -> None:
     t, states = motion(model)
     memory = model.running_memory()
