@@ -14,10 +14,12 @@ if TYPE_CHECKING:
     from lip_id_ros.export.formats import Template
     from lip_id_ros.model import InverseDynamicsModel
 
-HELP = 'write an identified arm as URDF, MJCF or C'
+HELP = 'write an identified arm as URDF, MJCF, C or a package in C++'
 EPILOG = """\
 example:
   lip_id export arm.npz --urdf arm.urdf --mjcf arm.xml --c arm_dynamics.h --check
+  lip_id export arm.npz --solver-package my_ws/src/arm_solver     a plugin of
+                                                                  inverse_dynamics_solver
   lip_id export arm.npz --urdf fitted.urdf --template arm.urdf    the URDF that the fit started
                                                                   from, with what was fitted
 """
@@ -46,6 +48,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--c', metavar='FILE', help='write a C header with all constants')
     parser.add_argument(
+        '--solver-package',
+        metavar='FOLDER',
+        help='write a ROS 2 package in C++: a plugin of inverse_dynamics_solver, with friction',
+    )
+    parser.add_argument(
         '--name', help='name of the arm in the files (default: that of the model file)'
     )
     parser.add_argument(
@@ -69,8 +76,9 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.export.arm import describe
     from lip_id_ros.export.c_header import identifier
-    from lip_id_ros.export.formats import FORMATS, formatted
+    from lip_id_ros.export.formats import FORMATS, formatted, HEADER
     from lip_id_ros.export.kinematics import model_kinematics
+    from lip_id_ros.export.solver_package import require_own, save, solver_package
     from lip_id_ros.export.urdf_template import template_remarks
     from lip_id_ros.model import InverseDynamicsModel
     from lip_id_ros.model.serialization import contradictions
@@ -81,6 +89,8 @@ def run(args: argparse.Namespace) -> None:
     for format_name, target in targets.items():
         kind = f'an arm exported as {format_name}'
         output.check_file(target, inputs, _is_exported, kind, args.force)
+    if args.solver_package is not None:
+        require_own(args.solver_package, args.force)
     model = InverseDynamicsModel.load(args.model)
     with contradictions(args.model):
         model_kinematics(model)
@@ -94,6 +104,7 @@ def run(args: argparse.Namespace) -> None:
     files = {
         name: formatted(name, exported, template if name == 'urdf' else None) for name in targets
     }
+    header = None if args.solver_package is None else formatted(HEADER, exported)
     agreements = {}
     for format_name, file in files.items():
         file.save(output.destination(targets[format_name]))
@@ -103,6 +114,12 @@ def run(args: argparse.Namespace) -> None:
             show_lines([agreement.sentence(of_what)], console)
             agreements[format_name] = agreement
         lines += file.left_out
+    if header is not None:
+        save(solver_package(exported.arm, header.text), args.solver_package)
+        show_lines([f'Written: {args.solver_package}'], console)
+        if args.check and HEADER not in agreements:
+            agreements[HEADER] = header.check(model, STATES)
+            show_lines([agreements[HEADER].sentence(of_what)], console)
     if residual_gp is not None:
         lines.append(f'Left out: {residual_gp}. Torques of the files are less accurate there.')
     if template is not None:
@@ -117,8 +134,10 @@ def run(args: argparse.Namespace) -> None:
 
 def _targets(args: argparse.Namespace, names: Iterable[str]) -> dict[str, str]:
     targets = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
-    if not targets:
-        raise ConfigError('--urdf, --mjcf or --c with a file was expected, but none came.')
+    if not targets and args.solver_package is None:
+        raise ConfigError(
+            '--urdf, --mjcf or --c with a file, or --solver-package was expected, but none came.'
+        )
     if args.template is not None and args.urdf is None:
         raise ConfigError('--template is written to --urdf, which is missing; add it.')
     if args.origins and args.template is None:

@@ -72,7 +72,7 @@ def test_the_example_controls_the_arm(model: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('arguments', 'sentence'),
     [
-        ([], '--urdf, --mjcf or --c with a file was expected, but none came.'),
+        ([], '--urdf, --mjcf or --c with a file, or --solver-package was expected, but none'),
         (['--urdf', 'no/such/arm.urdf'], 'no/such: No such file or directory'),
         (['--urdf', 'arm.x', '--mjcf', './arm.x'], 'but arm.x and ./arm.x are one; name another'),
         (['--urdf', 'a\0b'], "must have a name without NUL, but 'a\\x00b' came"),
