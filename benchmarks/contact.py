@@ -25,12 +25,11 @@ from benchmarks._closed_loop import (
 )
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.monitoring import external_torques, Thresholds
-from lip_id_ros.monitoring.detection import CUTOFF_HZ
+from lip_id_ros.monitoring import ContactDetector, external_torques, ExternalTorque
+from lip_id_ros.monitoring.detection import DEVIATIONS, LEAST_SHOWN
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
-from lip_id_ros.signals.filters import high_pass
 from lip_id_ros.simulation import SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION
 from lip_id_ros.simulation.torque_controlled import panda_setup, Setup
@@ -39,6 +38,7 @@ from lip_id_ros.workflow.fit import fit
 EVERY = 10  # the observer runs at 100 Hz
 FIRST, APART, LASTS = 1.0, 2.0, 0.5  # contacts [s]
 MOTIONS = 2  # that are learned from
+NO_ERROR = 0.0  # of simulated torques but noise
 # The low-pass must let through what the observer sees; around the turn of a joint it smears the
 # step of its friction.
 PREPROCESSING = PreprocessingSettings(cutoff_hz=12.5, max_samples=2000, min_velocity=0.2)
@@ -100,17 +100,19 @@ def measure(
     runs = [move(setup, nominal, rng, seconds) for _ in range(MOTIONS)]
     model = learned(setup, runs, settings)
     _, normal = watch(model, move(setup, nominal, rng, seconds))
-    thresholds = Thresholds.between(model.joint_names, normal, torque)
+    detector = ContactDetector.calibrated(model.joint_names, normal, torque, NO_ERROR)
     _, free = watch(model, move(setup, nominal, rng, seconds))
     contacts = Contacts(n_joints, torque)
-    t, fast = watch(model, move(setup, nominal, rng, contacts.duration, contacts))
-    flags = thresholds.exceeded(fast)
+    t, pushed = watch(model, move(setup, nominal, rng, contacts.duration, contacts))
+    std, large, false, blind = judged(detector, free)
+    flags = judged(detector, pushed)[2]
     return {
         'seed': seed,
         'noise': model.noise_std.tolist(),
-        'threshold': thresholds.torque.tolist(),
-        'largest_free': np.abs(free).max(axis=0).tolist(),
-        'false_flags': int(thresholds.exceeded(free).any(axis=1).sum()),
+        'deviation': np.median(std, axis=0).tolist(),
+        'largest_free': large.tolist(),
+        'false_flags': int(false.any(axis=1).sum()),
+        'blind': blind.mean(axis=0).tolist(),
         'delay_s': [
             [delay(t, flags[:, joint], begin) for begin in contacts.begins(joint)]
             for joint in range(n_joints)
@@ -138,12 +140,24 @@ def move(
     return track(simulated, controller, trajectory, seconds, contact)
 
 
-def watch(model: InverseDynamicsModel, run: Tracking) -> tuple[Array, Array]:
-    """Return times and the high-pass of the estimated external torques."""
+def watch(model: InverseDynamicsModel, run: Tracking) -> tuple[Array, list[ExternalTorque]]:
+    """Return times and the estimated external torques."""
     rows = slice(None, None, EVERY)
     t = run.t[rows]
-    torque = external_torques(model, t, run.q[rows], run.dq[rows], run.tau[rows])
-    return t, high_pass(t, torque, CUTOFF_HZ)
+    return t, external_torques(model, t, run.q[rows], run.dq[rows], run.tau[rows])
+
+
+def judged(
+    detector: ContactDetector, estimates: Sequence[ExternalTorque]
+) -> tuple[Array, Array, BoolArray, BoolArray]:
+    """Return deviations, the largest estimate in the threshold, flags, blindness."""
+    found = [detector.judge(each) for each in estimates]
+    std = np.array([each.std for each in found])
+    blind = np.array([each.blind for each in found])
+    threshold = np.maximum(DEVIATIONS * std, LEAST_SHOWN * detector.smallest)
+    share = np.array([each.torque for each in estimates]) / threshold
+    largest = np.abs(np.where(blind, 0.0, share)).max(axis=0)
+    return std, largest, np.array([each.touched for each in found]), blind
 
 
 def delay(t: Array, flagged: BoolArray, begin: float) -> float | None:
@@ -155,16 +169,16 @@ def delay(t: Array, flagged: BoolArray, begin: float) -> float | None:
 def _print(rows: list[dict[str, Any]]) -> None:
     false = ', '.join(str(row['false_flags']) for row in rows)
     table = Table(title=f'{len(rows)} seeds; false flags: {false}')
-    for name in ('joint', 'thresholds N m', 'free, share of it', 'flagged after ms', 'missed'):
+    for name in ('joint', 'deviation N m', 'free, share of it', 'flagged after ms', 'missed'):
         table.add_column(name, justify='right')
-    for joint in range(len(rows[0]['threshold'])):
-        thresholds = [row['threshold'][joint] for row in rows]
-        shares = [row['largest_free'][joint] / row['threshold'][joint] for row in rows]
+    for joint in range(len(rows[0]['deviation'])):
+        deviations = [row['deviation'][joint] for row in rows]
+        shares = [row['largest_free'][joint] for row in rows]
         delays = [each for row in rows for each in row['delay_s'][joint]]
         found = [1e3 * each for each in delays if each is not None]
         table.add_row(
             f'J{joint + 1}',
-            f'{min(thresholds):.2f} to {max(thresholds):.2f}',
+            f'{min(deviations):.2f} to {max(deviations):.2f}',
             f'{max(shares):.2f}',
             f'{min(found):.0f} to {max(found):.0f}' if found else '',
             f'{delays.count(None)} of {len(delays)}',

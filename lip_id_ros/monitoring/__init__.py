@@ -1,19 +1,20 @@
 """Contacts and the balance of energy, from joint states and a learned model."""
 
-from lip_id_ros.monitoring.detection import ContactEstimate, ContactMonitor, Thresholds
-from lip_id_ros.monitoring.observers import (
-    ContactObserver,
-    EnergyBalance,
-    EnergyMonitor,
+from lip_id_ros.monitoring.detection import Contact, ContactDetector, Deviation
+from lip_id_ros.monitoring.external_torque import (
     external_torques,
+    ExternalTorque,
+    ExternalTorqueObserver,
 )
+from lip_id_ros.monitoring.observers import EnergyBalance, EnergyMonitor
 
 __all__ = [
-    'ContactEstimate',
-    'ContactMonitor',
-    'ContactObserver',
+    'Contact',
+    'ContactDetector',
+    'Deviation',
     'EnergyBalance',
     'EnergyMonitor',
-    'Thresholds',
+    'ExternalTorque',
+    'ExternalTorqueObserver',
     'external_torques',
 ]

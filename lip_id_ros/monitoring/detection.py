@@ -1,14 +1,14 @@
 r"""
-Detect contacts in residual torques: sudden, and larger than in free motion.
+Detect contacts: external torques beyond the deviation of their estimate, which is learned.
 
-A model's error changes with the state of the arm, over the time of a movement; a contact sets in
-within milliseconds. So the estimated external torque goes through a high-pass before it is judged:
+Errors of a model grow with torque and acceleration. So the variance of an estimate in free motion
+is taken as a sum of non-negative shares of mean squares (`ExternalTorque.terms`),
 
-.. math:: y = r - \bar r, \qquad \dot{\bar r} = \omega (r - \bar r)
+.. math:: \sigma^2 = a^2 + (b\, \tau)^2 + (c\, M_{jj} \ddot q_j)^2 + (e\, f_0)^2
 
-Thresholds lie between the largest y of a free motion and the y of the smallest contact that is to
-be detected: two thirds of the way, in logarithms, since one motion does not show the largest of
-the next.
+with the friction f0 that changes sign near rest. A contact is found at `DEVIATIONS` of it, and not
+below a fifth of the smallest contact of interest. Where so many deviations exceed that contact,
+the monitor is blind.
 """
 
 from __future__ import annotations
@@ -18,121 +18,164 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import nnls
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import DataError
-from lip_id_ros.model import DynamicsModel
-from lip_id_ros.monitoring.observers import ContactObserver, GAIN
-from lip_id_ros.signals.filters import HighPass
+from lip_id_ros.monitoring.external_torque import ExternalTorque, N_TERMS
 
-CUTOFF_HZ = 4.0
-"""What changes more slowly than this is taken for an error of the model."""
+DEVIATIONS = 3.5
+"""An estimate that exceeds so many of its deviations is a contact."""
 
-NEARER = 2 / 3
-"""Where a threshold lies between free motion (0) and contact (1), in logarithms."""
+LEAST_SHOWN = 0.2
+"""Share of the smallest contact of interest below which nothing is one: deviations have tails."""
 
-UNSETTLED = 0.01
-"""Share of an offset that an observer may still lack when its estimate is judged."""
+TORQUE_ERROR = 0.1
+"""Relative error of torques from motor currents, which may change from day to day."""
+
+LEAST_AT_REST = 0.5
+"""Share of the friction near rest: an arm that stands may be held by any of it."""
+
+MOST_BLIND = 0.5
+"""Share of a free motion in which a smallest contact may not be seen."""
 
 LEAST_MOTION = 0.2
 """Share of the training data's range of velocities that calibration must see of every joint."""
 
-
-def step_response_peak(gain: float = GAIN, cutoff_hz: float = CUTOFF_HZ) -> float:
-    """Return the peak of the high-pass [Hz] for a contact of 1 N m; the gain is in 1/s."""
-    ratio = 2.0 * np.pi * cutoff_hz / gain
-    # the peak of (exp(-ratio x) - exp(-x)) / (1 - ratio), at x = log(ratio) / (ratio - 1)
-    return float(np.exp(-1.0)) if ratio == 1.0 else float(ratio ** (ratio / (1.0 - ratio)))
+SWEEPS, LEAST_VARIANCE = 10, 1e-9
+"""Of the weighted least squares, and least variance of an estimate in the largest torque's."""
 
 
 @dataclass(frozen=True)
-class Thresholds:
-    """Largest high-pass (n,) of the external torque that is no contact [N m or N]."""
+class Deviation:
+    """
+    Deviations of external torques in free motion.
 
-    torque: Array
+    `shares`, shape (4, n): of the terms, not negative: a constant [N m or N], and shares of the
+    measured torque, of the inertial torque, of the friction near rest.
+    """
+
+    shares: Array
 
     @classmethod
-    def between(
-        cls,
-        joint_names: Sequence[str],
-        free: Array,
-        contact: ArrayLike,
-        gain: float = GAIN,
-        cutoff_hz: float = CUTOFF_HZ,
-    ) -> Thresholds:
+    def fitted(
+        cls, torque: Array, terms: Array, torque_error: ArrayLike = TORQUE_ERROR
+    ) -> Deviation:
         """
-        Put thresholds between a motion without contact and the smallest contact of interest, (n,).
+        Fit the shares to a motion without contact, external torques (N, n), terms (N, 4, n).
 
-        `free`, shape (N, n): high-pass, by `gain` and `cutoff_hz`, of the external torques of a
-        motion that the model was not fitted on: on the one that it was, they are too small.
-        DataError if a joint shows as much in it as with such a contact.
+        By least squares of the squared torques, weighted by their variance (a Gamma regression).
+        `torque_error`, (n,) or one for all: least relative error of a measured torque.
         """
-        largest = np.abs(free).max(axis=0)
-        smallest = np.broadcast_to(contact, largest.shape)
-        shown = step_response_peak(gain, cutoff_hz) * smallest
-        for name, least, most, bound in zip(joint_names, smallest, shown, largest, strict=True):
-            if not bound < most:
-                raise DataError(
-                    f'a contact of {least:.3g} N m or N at {name} shows as {most:.3g}, but the '
-                    f'free motion went up to {bound:.3g}; ask for a larger contact, or learn from '
-                    'more motion.'
-                )
-        return cls(largest ** (1 - NEARER) * shown**NEARER)
+        columns = [_shares(torque[:, j], terms[:, :, j]) for j in range(torque.shape[1])]
+        constant, measured, inertial, rest = np.stack(columns, axis=1)
+        measured, rest = np.maximum(measured, torque_error), np.maximum(rest, LEAST_AT_REST)
+        return cls(np.stack([constant, measured, inertial, rest]))
 
-    def exceeded(self, fast: Array) -> BoolArray:
-        """Return which joints are in contact, by a high-pass of shape (n,) or (N, n)."""
-        return np.asarray(np.abs(fast) > self.torque)
+    def std(self, terms: Array) -> Array:
+        """Return the deviations (..., n) [N m or N] for terms of shape (..., 4, n)."""
+        return np.asarray(np.sqrt(np.einsum('kn,...kn->...n', self.shares**2, terms)))
+
+
+def _shares(torque: Array, terms: Array) -> Array:
+    """Return shares (4,) of the terms (N, 4) of one joint."""
+    squares = torque**2
+    least = LEAST_VARIANCE * max(float(squares.max()), float(terms[:, 1].max()))
+    least = max(least, np.finfo(float).tiny)
+    variance = np.full(len(torque), max(float(squares.mean()), least))
+    found = np.zeros(N_TERMS)
+    for _ in range(SWEEPS):
+        try:
+            found, _ = nnls(terms / variance[:, None], squares / variance)
+        except RuntimeError:  # it did not converge: what the last sweep found holds
+            break
+        variance = np.maximum(terms @ found, least)
+    return np.sqrt(found)
 
 
 @dataclass(frozen=True)
-class ContactEstimate:
-    """External torques (n,), errors of the model among them, and their high-pass."""
+class Contact:
+    """Per joint, shape (n,): deviation [N m or N], whether in contact, and whether blind."""
 
-    torque: Array
-    high_pass: Array
+    std: Array
+    touched: BoolArray
+    blind: BoolArray
 
 
-class ContactMonitor:
-    """
-    Estimate external torques and their high-pass [Hz] while the arm moves, by a gain [1/s].
+@dataclass(frozen=True)
+class ContactDetector:
+    """Judge external torques by their deviation; `smallest` contacts (n,) are of interest."""
 
-    The high-pass is zero until the observer has settled: it rises to a lasting error of the model
-    as fast as to a contact.
-    """
+    deviation: Deviation
+    smallest: Array
 
-    def __init__(
-        self, model: DynamicsModel, gain: float = GAIN, cutoff_hz: float = CUTOFF_HZ
-    ) -> None:
-        self._observer = ContactObserver(model, gain)
-        self._gain, self._cutoff_hz = gain, cutoff_hz
-        self._high_pass = HighPass(cutoff_hz)
-        self._t, self._unsettled = np.nan, 1.0
+    def judge(self, external: ExternalTorque) -> Contact:
+        """Judge an estimate: a joint that is blind, as all are at first, detects nothing."""
+        std = self.deviation.std(external.terms)
+        sees = (DEVIATIONS * std <= self.smallest) & external.settled
+        threshold = np.maximum(DEVIATIONS * std, LEAST_SHOWN * self.smallest)
+        touched = sees & (np.abs(external.torque) > threshold)
+        return Contact(std, np.asarray(touched), np.asarray(~sees))
 
-    def update(self, t: float, q: Array, dq: Array, tau: Array) -> ContactEstimate:
-        """Take one measured sample at t [s], arrays of shape (n,)."""
-        torque = self._observer.update(t, q, dq, tau)
-        if self._unsettled > UNSETTLED:
-            self._high_pass = HighPass(self._cutoff_hz)
-            if not np.isnan(self._t):
-                self._unsettled /= 1.0 + self._gain * (t - self._t)
-            self._t = t
-        return ContactEstimate(torque, self._high_pass.update(t, torque))
+    @classmethod
+    def calibrated(
+        cls,
+        joint_names: Sequence[str],
+        free: Sequence[ExternalTorque],
+        smallest: ArrayLike,
+        torque_error: ArrayLike = TORQUE_ERROR,
+    ) -> ContactDetector:
+        """
+        Learn deviations from estimates of a motion without contact.
+
+        It must not be a motion that the model was fitted on: its errors are too small there.
+        `torque_error`: least relative error of measured torques, 0.1 from motor currents, 0.02
+        from torque sensors. DataError if the smallest contact of interest is hidden from a joint
+        most of the time.
+        """
+        settled = [each for each in free if each.settled]
+        if not settled:
+            raise DataError(
+                f'the free motion must last longer than the observer takes to settle, but its '
+                f'{len(free)} samples do not; record more of it.'
+            )
+        terms = np.array([each.terms for each in settled])
+        torque = np.array([each.torque for each in settled])
+        deviation = Deviation.fitted(torque, terms, torque_error)
+        least = np.broadcast_to(smallest, terms.shape[2:]).astype(np.float64)
+        shown = DEVIATIONS * deviation.std(terms)
+        for name, bound, of in zip(joint_names, least, shown.T, strict=True):
+            blind = np.mean(~(of <= bound))
+            if blind > MOST_BLIND:
+                raise DataError(
+                    f'a contact of {bound:.3g} N m or N at {name} would not show in '
+                    f'{100 * blind:.0f} % of the free motion, of which half needs '
+                    f'{np.median(of):.3g}; ask for a larger contact, learn from more motion, or '
+                    'give a smaller error of torques.'
+                )
+        return cls(deviation, least)
 
 
 class FreeMotion:
-    """The largest high-pass (n,) of the external torques in so many seconds without contact."""
+    """Estimates in so many seconds without contact."""
 
     def __init__(self, seconds: float, n_joints: int) -> None:
         self._remaining = seconds
         self._low, self._high = np.full((2, n_joints), [[np.inf], [-np.inf]])
-        self.largest = np.zeros(n_joints)
+        self._estimates: list[ExternalTorque] = []
 
-    def add(self, step: float, dq: Array, high_pass: Array) -> bool:
+    def add(self, step: float, dq: Array, external: ExternalTorque) -> bool:
         """Take a sample, `step` [s] after the one before; return whether it is enough."""
-        self.largest = np.maximum(self.largest, np.abs(high_pass))
+        self._estimates.append(external)
         self._low, self._high = np.minimum(self._low, dq), np.maximum(self._high, dq)
         self._remaining -= step
         return self._remaining <= 0.0
+
+    def detector(
+        self, joint_names: tuple[str, ...], smallest: Array, torque_error: Array
+    ) -> ContactDetector:
+        """Return the detector that knows the errors of this motion; DataError as `calibrated`."""
+        return ContactDetector.calibrated(joint_names, self._estimates, smallest, torque_error)
 
     def require_motion(self, joint_names: tuple[str, ...], trained: Array) -> None:
         """

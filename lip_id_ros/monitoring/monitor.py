@@ -12,7 +12,19 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
 from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.monitoring.detection import ContactEstimate, ContactMonitor, FreeMotion, Thresholds
+from lip_id_ros.monitoring.detection import (
+    Contact,
+    ContactDetector,
+    Deviation,
+    FreeMotion,
+    LEAST_AT_REST,
+    TORQUE_ERROR,
+)
+from lip_id_ros.monitoring.external_torque import (
+    BANDWIDTH,
+    ExternalTorque,
+    ExternalTorqueObserver,
+)
 from lip_id_ros.monitoring.observers import EnergyBalance, EnergyMonitor
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.settings import executor_setting, setting, Settings
@@ -37,6 +49,9 @@ LONGEST_GAP_S = 0.2
 NEARLY = 0.95
 """A sample this share of a period after the one before is taken: stamps jitter."""
 TURN = 2.0 * np.pi
+
+DEVIATIONS_OF = ('deviation_constant', 'deviation_torque', 'deviation_inertial', 'deviation_rest')
+"""Parameters that hold the rows of `Deviation.shares`."""
 
 SILENCE_S = 2.0
 """After so long without a joint state the monitor is blind."""
@@ -68,12 +83,37 @@ class MonitorSettings(Settings):
         minimum=0.0,
         applies=AT_START,
     )
-    thresholds: tuple[float, ...] = setting(
+    deviation_constant: tuple[float, ...] = setting(
         (),
-        'High-pass of the external torque above which a joint is in contact, as the status has '
-        f'them after calibrate; empty: no contact is detected before calibrate. {PER_JOINT}',
+        'Deviation of the external torque in free motion, as the status has it after calibrate; '
+        f'empty: no contact is detected before calibrate. {PER_JOINT}',
         unit='N m or N',
         minimum=0.0,
+        applies=AT_START,
+    )
+    deviation_torque: tuple[float, ...] = setting(
+        (TORQUE_ERROR,),
+        'Its share of the measured torque, or the least that calibrate takes: 0.1 for torques '
+        f'from motor currents, 0.02 for torque sensors. {PER_JOINT}',
+        minimum=0.0,
+        applies=AT_START,
+    )
+    deviation_inertial: tuple[float, ...] = setting(
+        (0.0,), f'Its share of the inertial torque. {PER_JOINT}', minimum=0.0, applies=AT_START
+    )
+    deviation_rest: tuple[float, ...] = setting(
+        (LEAST_AT_REST,),
+        f'Its share of the friction that changes sign near rest. {PER_JOINT}',
+        minimum=0.0,
+        applies=AT_START,
+    )
+    bandwidth: float = setting(
+        BANDWIDTH,
+        'Of the observer: a larger one detects contacts sooner, and shows more noise; calibrate '
+        'anew after a change.',
+        unit='1/s',
+        minimum=1.0,
+        maximum=1000.0,
         applies=AT_START,
     )
     calibration_s: float = setting(
@@ -94,11 +134,13 @@ class Watched:
     """
     The estimates of one joint state.
 
-    `contact`: whether there is one, or was in the last `hold_s`; None without thresholds.
+    `judged`, `contact`: deviations, and whether there is a contact, or was in the last `hold_s`;
+    None before a calibration.
     """
 
-    external: ContactEstimate
+    external: ExternalTorque
     energy: EnergyBalance
+    judged: Contact | None
     contact: bool | None
 
 
@@ -115,14 +157,12 @@ class Monitor:
         self._predictor.predict(*np.zeros((3, 1, model.n_joints)))  # compiled now
         self._reader = JointStateReader(model.joint_names, model.effort_calibration)
         self._smallest = self._per_joint('smallest_contact')
-        self._thresholds = (
-            Thresholds(self._per_joint('thresholds')) if settings.thresholds else None
-        )
+        self._detector = self._configured() if settings.deviation_constant else None
         self._free: FreeMotion | None = None
         self._failure = ''
         self._contact_until = -np.inf
         self._tally = Tally('watched', 'too_soon', 'after_a_gap')
-        self._n_contacts = 0
+        self._n_contacts = self._n_blind = 0
         self._before = self._counts()
         self._received_at: float | None = None
         self._n_unusable = 0
@@ -173,14 +213,14 @@ class Monitor:
 
     def values(self) -> dict[str, Any]:
         """Return the state and the counts, JSON-able."""
-        thresholds = self._thresholds
         return {
             'state': self._state,
-            'thresholds': None if thresholds is None else np.round(thresholds.torque, 3).tolist(),
+            **self._deviations(),
             'received': self._tally.received,
             **self._tally.used,
             'refused': dict(self._tally.refused),
             'contacts': self._n_contacts,
+            'blind': self._n_blind,
             'failure': self._failure,
         }
 
@@ -209,7 +249,7 @@ class Monitor:
     def _state(self) -> str:
         if self._free is not None:
             return 'calibrating'
-        return 'watching' if self._thresholds is not None else 'without thresholds'
+        return 'watching' if self._detector is not None else 'not calibrated'
 
     def _watch(self, step: float, stamp_ns: int, measured: MeasuredState) -> Watched | None:
         if measured.tau is None:
@@ -221,7 +261,7 @@ class Monitor:
         q = self._continued(measured.q)
         self._q = q
         state = (measured.t, q, measured.dq, measured.tau)
-        external, energy = self._contact.update(*state), self._energy.update(*state)
+        external, energy = self._external.update(*state), self._energy.update(*state)
         if not (np.isfinite(external.torque).all() and np.isfinite(energy.unexplained)):
             self._begin_anew()
             raise RefusedError(Refusal.NOT_FINITE_TORQUE)
@@ -229,8 +269,9 @@ class Monitor:
             self._tally.used['after_a_gap'] += 1
             return None
         self._tally.used['watched'] += 1
-        self._learn(step, measured.dq, external.high_pass)
-        return Watched(external, energy, self._in_contact(measured.t, external))
+        self._learn(step, measured.dq, external)
+        judged = None if self._detector is None else self._detector.judge(external)
+        return Watched(external, energy, judged, self._in_contact(measured.t, judged))
 
     def _continued(self, q: Array) -> Array:
         """Return positions without jumps of whole turns: joints may be reported within one."""
@@ -245,31 +286,46 @@ class Monitor:
 
     def _begin_anew(self) -> None:
         self._q = None
-        self._contact = ContactMonitor(self._predictor)
+        self._external = ExternalTorqueObserver(self._predictor, self._settings.bandwidth)
         self._energy = EnergyMonitor(self._predictor)
 
-    def _in_contact(self, t: float, external: ContactEstimate) -> bool | None:
-        if self._thresholds is None:
+    def _in_contact(self, t: float, judged: Contact | None) -> bool | None:
+        if judged is None:
             return None
-        if self._thresholds.exceeded(external.high_pass).any():
+        self._n_blind += int(judged.blind.any())
+        if judged.touched.any():
             self._n_contacts += int(t > self._contact_until)
             self._contact_until = t + self._settings.hold_s
         # a clock that was set back must not hold a contact for ever
         return bool(0.0 <= self._contact_until - t <= self._settings.hold_s)
 
-    def _learn(self, step: float, dq: Array, high_pass: Array) -> None:
-        if self._free is None or not self._free.add(step, dq, high_pass):
+    def _learn(self, step: float, dq: Array, external: ExternalTorque) -> None:
+        if self._free is None or not self._free.add(step, dq, external):
             return
         found, self._free = self._free, None
         try:
             low, high = self._predictor.training_range
             found.require_motion(self.joint_names, high[1] - low[1])
-            self._thresholds = Thresholds.between(
-                self.joint_names, found.largest[np.newaxis], self._smallest
+            self._detector = found.detector(
+                self.joint_names, self._smallest, self._per_joint('deviation_torque')
             )
             self._failure = ''
         except DataError as error:
             self._failure = f'not calibrated: {error}'
+
+    def _configured(self) -> ContactDetector:
+        shares = np.stack([self._per_joint(name) for name in DEVIATIONS_OF])
+        return ContactDetector(Deviation(shares), self._smallest)
+
+    def _deviations(self) -> dict[str, list[float] | None]:
+        """Return the deviations under the names of their parameters, None before a calibration."""
+        if self._detector is None:
+            return dict.fromkeys(DEVIATIONS_OF)
+        shares = self._detector.deviation.shares
+        return {
+            name: [float(f'{value:.4g}') for value in row]
+            for name, row in zip(DEVIATIONS_OF, shares, strict=True)
+        }
 
     def _per_joint(self, name: str) -> Array:
         return by_joint(

@@ -1,18 +1,8 @@
 r"""
-Observers of external torques (momentum observer) and of the balance of energy.
+Balance of energy of an arm that moves.
 
-With the momentum :math:`p = M \dot q`, the equations of motion read
-:math:`\dot p = \tau + \tau_{ext} - g - f + C^T \dot q`, and :math:`C^T \dot q = \partial T /
-\partial q` (because :math:`\dot M = C + C^T`). The learned model gives the Coriolis torques
-:math:`c = \dot M \dot q - \partial T / \partial q` as a part of a prediction, so
-
-.. math:: \dot p - \tau_{ext} = \tau + \dot M \dot q - (c + g + f)
-
-where :math:`\dot M \dot q` is a central difference of the learned momentum along the motion.
-No accelerations are needed (De Luca et al., IROS 2006).
-
-The total energy follows :math:`\frac{d}{dt}(T + V) = \dot q^T (\tau - f) + P_{ext}`, by the same
-observer.
+The total energy follows :math:`\frac{d}{dt}(T + V) = \dot q^T (\tau - f) + P_{ext}`: an observer
+of first order finds the power that is not explained, without differentiating the energy.
 """
 
 from __future__ import annotations
@@ -25,10 +15,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.model import DynamicsModel
 
 GAIN = 50.0
-"""Of an observer [1/s]: 63 % of a sudden contact after 20 ms."""
-
-AHEAD = 1e-4
-"""Half the time [s] over which the momentum is differentiated along the motion."""
+"""Of the observer [1/s]: 63 % of a sudden power after 20 ms."""
 
 
 class DisturbanceObserver:
@@ -60,44 +47,6 @@ class DisturbanceObserver:
         residual: Array = self._gain * (quantity - explained) / (1.0 + self._gain * step)
         self._t, self._rate, self._explained = t, rate, explained + step * residual
         return residual
-
-
-def momentum_and_rate(
-    model: DynamicsModel, q: Array, dq: Array, tau: Array
-) -> tuple[Array, Array]:
-    """Compute generalised momenta, and their rates without contact, each (N, n) [N m s, N m]."""
-    still, shift = np.zeros_like(q), AHEAD * dq
-    # One call: three momenta M(.) dq as inertial torques of the "acceleration" dq, then c + g + f.
-    predicted = model.predict(
-        np.concatenate([q, q + shift, q - shift, q]),
-        np.concatenate([still, still, still, dq]),
-        np.concatenate([dq, dq, dq, still]),
-    )
-    momentum, after, before, _ = np.split(predicted.inertial, 4)
-    bias = np.split(predicted.tau, 4)[3]
-    return momentum, tau + (after - before) / (2 * AHEAD) - bias
-
-
-class ContactObserver:
-    """Estimate external torques while the arm moves; 1 / gain is the time constant [s]."""
-
-    def __init__(self, model: DynamicsModel, gain: float = GAIN) -> None:
-        self._model = model
-        self._observer = DisturbanceObserver(gain)
-
-    def update(self, t: float, q: Array, dq: Array, tau: Array) -> Array:
-        """Return the external torques (n,) [N m or N] at a sample."""
-        momentum, rate = momentum_and_rate(self._model, q[None], dq[None], tau[None])
-        return self._observer.update(t, momentum[0], rate[0])
-
-
-def external_torques(
-    model: DynamicsModel, t: Array, q: Array, dq: Array, tau: Array, gain: float = GAIN
-) -> Array:
-    """Estimate the external torques (N, n) of a recording as `ContactObserver` does."""
-    observer = DisturbanceObserver(gain)
-    terms = zip(t, *momentum_and_rate(model, q, dq, tau), strict=True)
-    return np.array([observer.update(float(time), *each) for time, *each in terms])
 
 
 @dataclass(frozen=True)

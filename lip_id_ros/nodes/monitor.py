@@ -27,7 +27,9 @@ class MonitorNode(NodeBase):
         super().__init__('monitor', parameters_of(MonitorSettings))
         self._monitor = Monitor(MonitorSettings(**self.values()))
         self._torque = self.create_publisher(JointState, '~/external_torque', qos.OUTPUT)
+        self._std = self.create_publisher(JointState, '~/external_torque_std', qos.OUTPUT)
         self._contact = self.create_publisher(Bool, '~/contact', qos.OUTPUT)
+        self._blind = self.create_publisher(Bool, '~/blind', qos.OUTPUT)
         self._total = self.create_publisher(Float64, '~/total_energy', qos.OUTPUT)
         self._unexplained = self.create_publisher(Float64, '~/power_unexplained', qos.OUTPUT)
         self._energy = self.create_publisher(Statistics, '~/energy', qos.OUTPUT)
@@ -61,7 +63,9 @@ class MonitorNode(NodeBase):
                 'power_unexplained': energy.unexplained,
             }
             self._energy.publish(messages.energies_message(stamp, energies))
-        if watched.contact is not None:
+        if watched.judged is not None:
+            self._std.publish(messages.torque_message(stamp, names, watched.judged.std))
+            self._blind.publish(Bool(data=bool(watched.judged.blind.any())))
             self._contact.publish(Bool(data=watched.contact))
 
     def _on_calibrate(

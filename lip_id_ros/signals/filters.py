@@ -1,4 +1,4 @@
-"""Causal filters of measured signals: a low-pass with its derivative, and a high-pass."""
+"""A causal low-pass of measured signals, with its derivative."""
 
 from __future__ import annotations
 
@@ -46,29 +46,3 @@ class LowPass:
         if t - self._began < SETTLED * self._time_constant:
             return None
         return self._second, (self._second - before) / dt
-
-
-class HighPass:
-    """Causal high-pass of first order."""
-
-    def __init__(self, cutoff_hz: float) -> None:
-        self._rate = 2.0 * np.pi * cutoff_hz
-        self._t = np.nan
-        self._slow: Array = np.zeros(0)
-
-    def update(self, t: float, values: Array) -> Array:
-        """Take one sample after another; return it without slow changes, beginning at zero."""
-        if np.isnan(self._t):
-            self._t, self._slow = t, np.array(values, dtype=np.float64)
-        fast: Array = values - self._slow
-        self._slow = self._slow - np.expm1(-self._rate * (t - self._t)) * fast
-        self._t = t
-        return fast
-
-
-def high_pass(t: Array, values: Array, cutoff_hz: float) -> Array:
-    """Filter a whole recording, (N,) times and (N, n) values, by a `HighPass`."""
-    filtered = HighPass(cutoff_hz)
-    return np.array(
-        [filtered.update(float(time), row) for time, row in zip(t, values, strict=True)]
-    )

@@ -272,7 +272,7 @@ def test_an_arm_is_watched(ros: Ros, model_path: str) -> None:
     with launched(graph, 'monitor.launch.py', *arguments):
         client.speak(JointState, '/cell/states')
         status = client.status('left/monitor', lambda status: True)
-        assert status['state'] == 'without thresholds'
+        assert status['state'] == 'not calibrated'
 
 
 @pytest.mark.parametrize('name', ['arm', 'demo', 'monitor', 'serve', 'track', 'train'])

@@ -45,12 +45,14 @@ def test_a_contact_is_published_after_calibration(ros: Ros, model_path: str) -> 
     graph, client = ros
     graph.start('monitor', model_path=model_path, smallest_contact=[2.0], calibration_s=2.0)
     torques = client.listen(JointState, '/monitor/external_torque')
+    deviations = client.listen(JointState, '/monitor/external_torque_std')
+    blind = client.listen(Bool, '/monitor/blind')
     contacts = client.listen(Bool, '/monitor/contact')
     totals = client.listen(Float64, '/monitor/total_energy')
     powers = client.listen(Float64, '/monitor/power_unexplained')
     stamped = client.listen(Statistics, '/monitor/energy')
     publisher = client.speak(JointState, '/joint_states')
-    client.status('monitor', lambda status: status['state'] == 'without thresholds')
+    client.status('monitor', lambda status: status['state'] == 'not calibrated')
     answer = client.trigger('/monitor/calibrate')
     assert answer.success
     publish_at(publisher, RATE_HZ, states(range(400)))
@@ -67,6 +69,9 @@ def test_a_contact_is_published_after_calibration(ros: Ros, model_path: str) -> 
     }  # fmt: skip
     assert torques[-1].name == list(toy.JOINTS)
     np.testing.assert_allclose(torques[-1].effort, [0.0, 2.0], atol=0.3)
+    client.wait_until(lambda: deviations[-1].header.stamp == torques[-1].header.stamp, 'its std')
+    assert all(0.0 < each < 2.0 / 3.5 for each in deviations[-1].effort)
+    assert not blind[-1].data
     client.wait_until(lambda: len(totals) == len(powers), 'an energy beside each power')
     assert powers[-1].data == pytest.approx(2.0 * DQ[429, 1], abs=0.5)
     assert client.status('monitor', lambda status: status['contacts'] == 1)
