@@ -9,6 +9,7 @@ are as they are, or askew by a degree or so, so that no simple geometry is right
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -40,7 +41,9 @@ NOISE = 0.02
 CORRELATED = 2.0
 """Deviation of the filter of correlated noise, in samples."""
 
-ASKEW = np.radians(1.0)
+ASKEW, ASIDE = np.radians(1.0), 0.01
+"""Deviations of axes from where they are, in angle and place [m]."""
+
 TEST_SAMPLES, TEST_RATE_HZ, MOVING = 2000, 40.0, 0.1
 """The motion of the test, and the velocity [rad/s] below which friction is not judged."""
 
@@ -76,49 +79,60 @@ def main(arguments: list[str]) -> int:
 def measured(samples: int, noise: str, axes: str, seed: int) -> Row:
     """Return coverage and mean deviation over error of one fit, joint by joint."""
     rng = np.random.default_rng(seed)
-    torque = _Truth(axes, rng)
+    torque = Truth(axes, rng)
     train = torque.dataset(np.arange(samples) / RATE_HZ, rng)
     test = torque.dataset(np.arange(TEST_SAMPLES) / TEST_RATE_HZ, rng)
-    errors = rng.standard_normal(train.tau.shape)
-    if noise == 'filtered':
-        errors = gaussian_filter1d(errors, CORRELATED, axis=0)
-        errors /= errors.std(axis=0)
-    noisy = train.tau + NOISE * train.tau.std(axis=0) * errors
     started = time.process_time()
-    found = identify(_of(train.t, (train.q, train.dq, train.ddq), noisy))
+    found = identify(noisy(train, noise, rng))
     cpu_s = time.process_time() - started
     state = test.q, test.dq, test.ddq
     error, std = found.arm.torque(*state) - test.tau, found.arm.torque_std(*state)
     moving = np.abs(test.dq) > MOVING
-    inside = _means(np.abs(error) < 2.0 * std, moving)
-    ratio = np.sqrt(_means(std**2, moving) / _means(error**2, moving))
+    inside = means(np.abs(error) < 2.0 * std, moving)
+    ratio = np.sqrt(means(std**2, moving) / means(error**2, moving))
     return {
         'within': inside.tolist(),
         'ratio': ratio.tolist(),
-        'rms': np.sqrt(_means(error**2, moving)).tolist(),
+        'rms': np.sqrt(means(error**2, moving)).tolist(),
         'inflation': found.solution.inflation,
         'cpu_s': cpu_s,
     }
 
 
-class _Truth:
-    """A Panda with friction, its axes right or askew."""
+def noisy(dataset: Dataset, noise: str, rng: np.random.Generator, share: float = NOISE) -> Dataset:
+    """Add errors to torques, as a share of each one's deviation: white, or filtered."""
+    errors = rng.standard_normal(dataset.tau.shape)
+    if noise == 'filtered':
+        errors = gaussian_filter1d(errors, CORRELATED, axis=0)
+        errors /= errors.std(axis=0)
+    return replace(dataset, tau=dataset.tau + share * dataset.tau.std(axis=0) * errors)
+
+
+class Truth:
+    """A Panda with friction; axes are right, askew, or by halves askew and beside one another."""
 
     def __init__(self, axes: str, rng: np.random.Generator) -> None:
         panda = load_description(panda_urdf(), NAMES, TYPES)
         turns = Rotation.from_rotvec(ASKEW * rng.standard_normal((N_JOINTS, 3))).as_matrix()
-        rotations = panda.chain.rotations @ (turns if axes == 'askew' else np.eye(3))
-        self._chain, self._links = panda.chain._replace(rotations=rotations), panda.links
+        chain, self._links = panda.chain, panda.links
+        translations = chain.translations.copy()
+        if axes == 'half':
+            turned, moved = rng.random((2, N_JOINTS)) < 0.5
+            turns[~turned] = np.eye(3)
+            translations[moved] += ASIDE * rng.standard_normal((int(moved.sum()), 3))
+        rotations = chain.rotations @ (turns if axes != 'right' else np.eye(3))
+        self.chain = chain._replace(rotations=rotations, translations=translations)
 
     def dataset(self, t: Array, rng: np.random.Generator) -> Dataset:
         """Return noiseless samples of a random motion."""
         motion = SinusoidTrajectory.random(half_ranges(N_JOINTS), rng).sample(t)
         dq = motion[1]
-        tau = torque_regressor(self._chain, *motion) @ self._links.ravel()
+        tau = torque_regressor(self.chain, *motion) @ self._links.ravel()
         return _of(t, motion, tau + VISCOUS * dq + COULOMB * np.tanh(dq / WIDTH))
 
 
 def _of(t: Array, motion: tuple[Array, Array, Array], tau: Array) -> Dataset:
+    """Return samples of a motion (q, dq, ddq) of one recording."""
     segment = np.zeros(t.size, dtype=np.int64)
     q, dq, ddq = motion
     return Dataset(
@@ -133,5 +147,6 @@ def _of(t: Array, motion: tuple[Array, Array, Array], tau: Array) -> Dataset:
     )
 
 
-def _means(values: Array | BoolArray, where: BoolArray) -> Array:
+def means(values: Array | BoolArray, where: BoolArray) -> Array:
+    """Return the mean of each column where a mask is true."""
     return np.asarray(np.sum(values * where, axis=0) / np.sum(where, axis=0))

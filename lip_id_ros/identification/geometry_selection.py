@@ -20,10 +20,11 @@ from lip_id_ros.identification.solution import left_out_at_present
 from lip_id_ros.identification.statistics import LeftOut
 from lip_id_ros.linear_algebra import normal_solution
 
-TWIST_DEVIATIONS, LENGTH_DEVIATIONS = 3.0, 2.0
+TWIST_DEVIATIONS, LENGTH_DEVIATIONS = 3.0, 2.5
 """
 Standard deviations from simple geometry beyond which the likelihood speaks against a twist and
-against a length: few arms have axes that are askew, and many have axes that do not meet.
+against a length: few arms have axes that are askew, and many have axes that do not meet. Their
+root mean squares where axes are at right angles, or meet, are 1.0 and 1.2 (see the notebook).
 """
 
 LEAST_ERRORS = 2.0
@@ -77,15 +78,18 @@ class GeometrySelection:
         """
         Return how far each twist or length would be from where it is imposed beside the others.
 
-        By the increase of the likelihood along one Gauss-Newton step (Rao's score test), with the
-        inflation of the free fit, in standard deviations.
+        By the increase of the likelihood along one Gauss-Newton step (Rao's score test), with
+        noise and inflation of the free fit, in standard deviations.
         """
-        gains = _Gains(self._fitter, trial.fit)
+        free = self._free.left_out
+        # root mean squares of residuals lack what the parameters have taken of the noise
+        noise = replace(trial.fit.noise, std=free.unbiased_std)
+        gains = _Gains(self._fitter, replace(trial.fit, noise=noise))
         now = gains.within(trial.fit.geometry)
         n = self._fitter.dataset.n_joints
         rest = [together(list(trial.without(k)), n) for k in range(len(trial.imposed))]
         more = np.array([gains.within(geometry) - now for geometry in rest])
-        return np.asarray(np.sqrt(2.0 * np.maximum(more, 0.0) / self._free.left_out.inflation))
+        return np.asarray(np.sqrt(2.0 * np.maximum(more, 0.0) / free.inflation))
 
     def _tried(self, fit: ArmFit, imposed: tuple[Geometry, ...]) -> Trial:
         self._left -= 1

@@ -216,20 +216,22 @@ def measure_left_out(
     """
     grams = np.array([[r.T @ r for r in block.factors] for block in blocks])
     count = np.sum([block.counts for block in blocks], axis=0)
-    _, covariance = solved(grams.sum(axis=0), prior, noise_std)
-    noise_std = _unbiased(noise_std, _spread(grams.sum(axis=0), covariance) / count)
-    squares, expected = np.zeros((len(blocks), noise_std.size)), np.zeros(noise_std.size)
+    inside = _shares(grams.sum(axis=0), prior, noise_std, grams.sum(axis=0))[1] / count
+    white = noise_std / np.sqrt(_freedom(inside))
+    squares, outside = np.zeros((len(blocks), noise_std.size)), np.zeros(noise_std.size)
     for k, block in enumerate(blocks):
-        step, covariance = solved(grams.sum(axis=0) - grams[k], prior, noise_std)
+        step, share = _shares(grams.sum(axis=0) - grams[k], prior, white, grams[k])
         squares[k] = block.squared_residuals(step)
-        expected += _spread(grams[k], covariance)
-    variance = noise_std**2
-    total = squares.sum(axis=0)
-    excess = np.sum(total / variance - count)
-    inflation = float(np.clip(excess / np.sum(expected / variance), 1.0, MOST_INFLATION))
-    unexplained = (total - inflation * expected) / count
-    left_std = np.sqrt(np.maximum(unexplained, variance))
-    return LeftOut(len(blocks) * squares / count, inflation, left_std, noise_std)
+        outside += share / count
+    ratio = squares.sum(axis=0) / count / noise_std**2
+    # residuals of the fit have 1 - inflation * inside of the variance, left-out ones
+    # 1 + inflation * outside of it
+    inflation = np.sum(ratio - 1.0) / np.sum(ratio * inside + outside)
+    inflation = float(np.clip(inflation, 1.0, MOST_INFLATION))
+    variance = noise_std**2 / _freedom(inflation * inside)
+    left_over = ratio * noise_std**2 - inflation * outside * variance
+    left_std = np.sqrt(np.maximum(left_over, variance))
+    return LeftOut(len(blocks) * squares / count, inflation, left_std, np.sqrt(variance))
 
 
 def solved(grams: Array, prior: Array, noise_std: Array) -> tuple[Array, Array]:
@@ -239,12 +241,19 @@ def solved(grams: Array, prior: Array, noise_std: Array) -> tuple[Array, Array]:
     return factor.solve(normal[:-1, -1]), factor.inverse()
 
 
-def _spread(grams: Array, covariance: Array) -> Array:
-    """Return the sums of variances of the torques that a covariance of parameters makes, (n,)."""
-    return np.asarray(np.einsum('iab,ab->i', grams[:, :-1, :-1], covariance))
+def _shares(fitted: Array, prior: Array, noise_std: Array, shown: Array) -> tuple[Array, Array]:
+    """
+    Return the parameters of a fit, and sums of variances of torques by their covariance, (n,).
+
+    `fitted`, `shown`: Gram matrices of the samples of the fit, and of those of the torques. Sums
+    are in units of the noise's variance.
+
+    """
+    parameters, covariance = solved(fitted, prior, noise_std)
+    sums = np.einsum('iab,ab->i', shown[:, :-1, :-1], covariance)
+    return parameters, sums / noise_std**2
 
 
-def _unbiased(noise_std: Array, variance: Array) -> Array:
-    """Return the noise with the degrees of freedom that the parameters took, shape (n,)."""
-    share = variance / noise_std**2
-    return np.asarray(noise_std / np.sqrt(np.maximum(1.0 - share, LEAST_FREEDOM)))
+def _freedom(share: Array) -> Array:
+    """Return the share of samples that is left where parameters take one, shape (n,)."""
+    return np.asarray(np.maximum(1.0 - share, LEAST_FREEDOM))

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
@@ -126,15 +127,45 @@ def test_leaving_a_block_out() -> None:
     blocks = [empty.update(list(whole[:, block == k]), tau[block == k]) for k in range(4)]
     prior = np.column_stack([np.diag(1.0 / PRIOR), np.zeros(PRIOR.size)])
     got = measure_left_out(blocks, prior, NOISE)
-    squares, expected = np.zeros((2, 3))
+    in_fit = posterior(empty.update(list(whole), tau), NOISE, PRIOR)
+    inside = [in_fit.variance(rows).mean() for rows in whole] / NOISE**2
+    white = NOISE / np.sqrt(1.0 - inside)
+    squares, outside = np.zeros((2, 3))
     for k in range(4):
         others = blocks[(k + 1) % 4].merge(*(blocks[(k + i) % 4] for i in (2, 3)))
-        fit = posterior(others, got.unbiased_std, PRIOR)
-        squares += blocks[k].squared_residuals(fit.mean)
-        expected += [fit.variance(rows[block == k]).sum() for rows in whole]
-    np.testing.assert_allclose(got.mean_squares, squares / 120, rtol=1e-9)
-    ratio = np.sum(squares / got.unbiased_std**2 - 120) / np.sum(expected / got.unbiased_std**2)
-    assert got.inflation == pytest.approx(max(ratio, 1.0), rel=1e-8)
+        fit = posterior(others, white, PRIOR)
+        squares += blocks[k].squared_residuals(fit.mean) / 120
+        outside += [fit.variance(rows[block == k]).sum() / 120 for rows in whole] / white**2
+    np.testing.assert_allclose(got.mean_squares, squares, rtol=1e-9)
+    ratio = squares / NOISE**2
+    inflation = np.sum(ratio - 1.0) / np.sum(ratio * inside + outside)
+    assert got.inflation == pytest.approx(max(inflation, 1.0), rel=1e-8)
+    variance = NOISE**2 / (1.0 - got.inflation * inside)
+    np.testing.assert_allclose(got.unbiased_std**2, variance, rtol=1e-8)
+
+
+@pytest.mark.parametrize('together', [1, 6])
+def test_variances_are_true_where_noise_is_correlated(together: int) -> None:
+    """Of torques that slow features make, over 20 draws of white noise and of moving averages."""
+    rng, t = np.random.default_rng(0), np.arange(2400)
+    features = gaussian_filter1d(rng.standard_normal((t.size, 48)), 5.0, axis=0)
+    features /= features.std(axis=0)
+    empty, wide = TorqueStatistics.empty([np.arange(48)]), np.full(48, 1e3)
+    prior = np.column_stack([np.diag(1.0 / wide), np.zeros(48)])
+    block, said, seen, noises = contiguous_blocks(t.size, 6), [], [], []
+    for _ in range(20):
+        noise = rng.standard_normal((t.size + together - 1, 1))
+        tau = sum(noise[i : i + t.size] for i in range(together)) / np.sqrt(together)
+        fit = posterior(empty.update([features], tau), np.ones(1), wide)
+        residual = tau - features @ fit.mean[:, None]
+        blocks = [empty.update([features[block == k]], residual[block == k]) for k in range(6)]
+        prior[:, -1] = -fit.mean / wide
+        found = measure_left_out(blocks, prior, np.sqrt(np.mean(residual**2, axis=0)))
+        said.append(found.inflation * found.unbiased_std[0] ** 2 * fit.variance(features).mean())
+        seen.append(np.mean((features @ fit.mean) ** 2))
+        noises.append(found.unbiased_std[0])
+    assert np.mean(said) == pytest.approx(np.mean(seen), rel=0.2), (np.mean(said), np.mean(seen))
+    assert np.mean(noises) == pytest.approx(1.0, abs=0.02)
 
 
 def test_variance_of_a_prediction() -> None:
