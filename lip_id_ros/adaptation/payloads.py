@@ -10,6 +10,7 @@ last link. A contact leaves residuals that no body has.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -56,6 +57,22 @@ class PayloadEvent:
     t: float
     payload: Payload | None
 
+    def to_json(self) -> dict[str, Any]:
+        """Return the figures for other programs, null where there is none."""
+        own = self.payload
+        if own is None:
+            return {'t': self.t, 'mass': None}
+        centre, std = (
+            None if np.isnan(x).any() else x.tolist() for x in (own.centre, own.centre_std)
+        )
+        return {
+            't': self.t,
+            'mass': own.mass,
+            'mass_std': own.mass_std,
+            'centre': centre,
+            'centre_std': std,
+        }
+
     def sentence(self) -> str:
         """Return what happened."""
         if self.payload is None:
@@ -64,7 +81,8 @@ class PayloadEvent:
         found = f'At {self.t:.1f} s the payload is {own.mass:.3g} ± {own.mass_std:.2g} kg'
         if np.isnan(own.centre).any():
             return f'{found}, its centre of mass unknown.'
-        centre = ' '.join(f'{x:.3f}' for x in own.centre)
+        pairs = zip(own.centre, own.centre_std, strict=True)
+        centre = ', '.join(f'{x:.3f} ± {std:.2g}' for x, std in pairs)
         return f'{found}, its centre of mass at ({centre}) m in the frame of the last link.'
 
 

@@ -79,10 +79,7 @@ class Replay:
         return {
             'recordings': [each.to_json() for each in self.recordings],
             'changes': [each.to_json() for each in changes(self.adaptation)],
-            'payloads': [
-                {'t': each.t, 'mass': None if each.payload is None else each.payload.mass}
-                for each in self.adaptation.payload_events
-            ],
+            'payloads': [each.to_json() for each in self.adaptation.payload_events],
             'forgotten': self.adaptation.n_forgotten,
         }
 

@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 
 from lip_id_ros.adaptation.adaptation import Adaptation
-from lip_id_ros.adaptation.payloads import BODY, payload_of, PayloadWatch
+from lip_id_ros.adaptation.payloads import (
+    BODY,
+    Payload,
+    payload_of,
+    PayloadEvent,
+    PayloadWatch,
+)
 from lip_id_ros.model import InverseDynamicsModel
 
 CENTRE = np.array([0.03, -0.02, 0.12])
@@ -108,3 +114,22 @@ def test_the_deviation_of_a_centre_is_that_of_samples() -> None:
         own.centre_std, (drawn[:, 1:4] / drawn[:, :1]).std(axis=0), rtol=0.05
     )
     assert np.isnan(payload_of(0.0 * body, root @ root.T).centre).all()
+
+
+def test_an_event_gives_numbers_with_deviations_where_they_are_known() -> None:
+    known = PayloadEvent(3.0, Payload(1.0, 0.01, CENTRE, np.full(3, 0.002)))
+    assert known.sentence() == (
+        'At 3.0 s the payload is 1 ± 0.01 kg, its centre of mass at '
+        '(0.030 ± 0.002, -0.020 ± 0.002, 0.120 ± 0.002) m in the frame of the last link.'
+    )
+    assert known.to_json() == {
+        't': 3.0,
+        'mass': 1.0,
+        'mass_std': 0.01,
+        'centre': CENTRE.tolist(),
+        'centre_std': [0.002] * 3,
+    }
+    assert PayloadEvent(4.0, None).to_json() == {'t': 4.0, 'mass': None}
+    unknown = PayloadEvent(5.0, payload_of(np.zeros(BODY), np.eye(BODY)))
+    assert unknown.sentence().endswith('± 1 kg, its centre of mass unknown.')
+    assert unknown.to_json()['centre'] is None
