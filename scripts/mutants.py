@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = Path(__file__).with_suffix('.toml')
-COPIED = ('benchmarks', 'config', 'docs', 'launch', 'lip_id_ros', 'scripts', 'test')
+COPIED = ('benchmarks', 'config', 'docs', 'examples', 'launch', 'lip_id_ros', 'scripts', 'test')
 MOST_SURVIVORS = 0.05
 PASSED, FAILED = 0, 1  # exit statuses of pytest
 

@@ -62,6 +62,11 @@ def test_a_jump_is_followed_once_confirmed(there: float, reason: Refusal) -> Non
     assert watch.jumps == 1
 
 
+def test_doubted_stamps_that_do_not_follow_one_another_confirm_nothing() -> None:
+    far = [50.0, 30.0, 70.0, 20.0, 90.0]
+    assert doubts([10.0, *far, 10.1]) == [None, *[Refusal.FAR_STAMP] * 5, None]
+
+
 def test_two_clocks_in_turn_never_confirm_each_other() -> None:
     found = doubts(
         [each for step in range(50) for each in (10.0 + 0.01 * step, 13.0 + 0.01 * step)]
