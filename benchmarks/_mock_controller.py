@@ -73,14 +73,26 @@ def write_parameters(
 
 
 @contextmanager
-def controlled(node: Node, joints: Sequence[str], folder: Path, rate_hz: int) -> Iterator[None]:
-    """Run a manager with an active joint_trajectory_controller; `node` has its URDF."""
+def controlled(
+    node: Node,
+    joints: Sequence[str],
+    folder: Path,
+    rate_hz: int,
+    program: Sequence[str] | None = None,
+) -> Iterator[None]:
+    """
+    Run a manager with an active joint_trajectory_controller; `node` has its URDF.
+
+    `program`: takes the place of ros2_control_node.
+
+    """
     controllers = {NAME: (JTC, trajectory_controller(joints))}
     parameters = write_parameters(folder / 'controllers.yaml', rate_hz, controllers)
     latched = node.create_publisher(String, '/robot_description', qos.LATCHED)
     latched.publish(String(data=description(joints)))
     with open(folder / 'controller_manager.log', 'wb') as log:
-        command = [_program('ros2_control_node'), '--ros-args', '--params-file', str(parameters)]
+        program = program or [_program('ros2_control_node')]
+        command = [*program, '--ros-args', '--params-file', str(parameters)]
         manager = subprocess.Popen(command, stdout=log, stderr=log)
         try:
             subprocess.run([_program('spawner'), NAME], stdout=log, stderr=log, check=True)

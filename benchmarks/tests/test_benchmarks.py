@@ -9,8 +9,11 @@ import subprocess
 import sys
 
 from evaluation.models import small_model
+from export.arms import model_of, random_arm
 import numpy as np
+from programs import installed
 import pytest
+from ros_domain import free_domain
 
 from benchmarks import c_against_pinocchio, long_recording, panda_monte_carlo, real_arms
 from benchmarks.__main__ import available, main
@@ -110,6 +113,25 @@ def test_the_header_against_pinocchio(tmp_path: Path, capsys: pytest.CaptureFixt
     assert status == 0
     (row,) = json.loads(figures.read_text())
     assert float(row['ratio']) > 0.0
+
+
+@pytest.mark.ros
+@pytest.mark.ros2_control
+def test_the_header_in_the_loop_of_a_controller_manager(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if installed('controller_manager', 'ros2_control_node') is None:
+        pytest.skip('needs a controller manager; with g++ make setup compiles it')
+    model, figures = tmp_path / 'model.npz', tmp_path / 'figures.json'
+    model_of(random_arm('RR')).save(model)
+    arguments = ['--cycles', '2000', '--priorities', '0', '--model', str(model)]
+    with free_domain() as domain:
+        monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+        assert main(['header_in_loop', *arguments, '--json', str(figures)]) == 0
+    rows = {row['part']: row for row in json.loads(figures.read_text())}
+    assert rows['controllers']['over_period'].endswith('of 2000')
+    assert rows['header']['over_period'].endswith('of 1000')
+    assert 0.0 < rows['header']['50'] < rows['controllers']['50']
 
 
 def test_unknown_benchmark(capsys: pytest.CaptureFixture[str]) -> None:

@@ -104,6 +104,24 @@ rclcpp::Time now()
   return {std::chrono::duration_cast<nanoseconds>(since_start).count(), RCL_STEADY_TIME};
 }
 
+std::thread services;
+
+// Makes the manager, and a thread that answers its services.
+controller_manager::ControllerManager & made(int count, char ** arguments)
+{
+  const auto allocator = rcutils_get_default_allocator();
+  rclcpp::init(
+    count, arguments, *new rclcpp::InitOptions(allocator), rclcpp::SignalHandlerOptions::All);
+  auto executor = new (::operator new(kRoomOfExecutor))
+    rclcpp::executors::SingleThreadedExecutor(*new rclcpp::ExecutorOptions());
+  const std::shared_ptr<rclcpp::Executor> shared(executor, [](rclcpp::Executor *) {});
+  auto manager = new (::operator new(kRoomOfManager)) controller_manager::ControllerManager(
+    shared, "controller_manager", "", controller_manager::get_cm_node_options());
+  executor->add_node({manager, [](rclcpp::Node *) {}}, true);
+  services = std::thread([executor] { executor->spin(); });
+  return *manager;
+}
+
 void run(controller_manager::ControllerManager & manager)
 {
   const std::chrono::nanoseconds period(1000000000 / manager.get_update_rate());
@@ -122,17 +140,7 @@ void run(controller_manager::ControllerManager & manager)
 
 int main(int count, char ** arguments)
 {
-  const auto allocator = rcutils_get_default_allocator();
-  rclcpp::init(
-    count, arguments, *new rclcpp::InitOptions(allocator), rclcpp::SignalHandlerOptions::All);
-  auto executor = new (::operator new(kRoomOfExecutor))
-    rclcpp::executors::SingleThreadedExecutor(*new rclcpp::ExecutorOptions());
-  const std::shared_ptr<rclcpp::Executor> shared(executor, [](rclcpp::Executor *) {});
-  auto manager = new (::operator new(kRoomOfManager)) controller_manager::ControllerManager(
-    shared, "controller_manager", "", controller_manager::get_cm_node_options());
-  executor->add_node({manager, [](rclcpp::Node *) {}}, true);
-  std::thread services([executor] { executor->spin(); });
-  run(*manager);
+  run(made(count, arguments));
   services.join();
   std::_Exit(0);
 }
