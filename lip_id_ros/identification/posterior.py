@@ -178,15 +178,16 @@ def _following(around: Linearisation, solution: Solution, some: Dataset) -> Arra
 
 
 def widening(count: int) -> float:
-    """Return the factor of a deviation between recordings, or robots, so that two cover."""
+    """Return the factor of a deviation between so many recordings or parts, so that two cover."""
     return float(0.5 * t.ppf(norm.cdf(2.0), count - 1)) if count > 1 else 1.0
 
 
 def table_deviations(total: Total, solution: Solution, known: Known) -> DenavitHartenberg:
     """
-    Return the larger of deviations by the posterior and by the jackknife, without selections.
+    Return deviations by the posterior and by the jackknife together, without selections.
 
-    A length that was set to zero because no torque speaks against it is not known to be zero.
+    A length that was set to zero because no torque speaks against it is not known to be zero. Few
+    parts do not show the jackknife's deviations exactly: Student's t.
     """
     if not known.geometry.rigid:
         known = replace(known, geometry=Geometry.free(total.around.n_joints))
@@ -198,8 +199,8 @@ def table_deviations(total: Total, solution: Solution, known: Known) -> DenavitH
     shown = jackknife_root(parts, prior, noise)
     first, size = total.around.basis.size, total.around.n_placements
     steps = problem.slopes(state)[first : first + size] @ shown
-    roots = problem.covariance_root(state)[:size], steps
-    return DenavitHartenberg(*np.max([table_std(solution.chain, root) for root in roots], axis=0))
+    root = np.hstack([problem.covariance_root(state)[:size], widening(len(parts)) * steps])
+    return table_std(solution.chain, root)
 
 
 def jackknife_root(parts: Sequence[TorqueStatistics], prior: Array, noise_std: Array) -> Array:

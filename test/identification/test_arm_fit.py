@@ -9,6 +9,8 @@ from gp.arms import dataset_of
 from gp.chains import ChainArm, P, R, random_arm
 import numpy as np
 import pytest
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
@@ -20,10 +22,16 @@ from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.identification.identify import identify
 from lip_id_ros.identification.link_torques import links_torque
-from lip_id_ros.identification.posterior import around_fit, known_of, posterior, table_deviations
+from lip_id_ros.identification.posterior import (
+    around_fit,
+    jackknife_root,
+    known_of,
+    posterior,
+    table_deviations,
+)
 from lip_id_ros.identification.residual_gp_selection import linearised
 from lip_id_ros.identification.sample_selection import covering
-from lip_id_ros.identification.solution import system_of
+from lip_id_ros.identification.solution import coordinates_of, parts_about, system_of
 from lip_id_ros.identification.total import FrictionDeviations, gather, Total
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.preprocessing import preprocess
@@ -75,14 +83,24 @@ def known() -> ArmPosterior:
     return posterior(*fitted())[1]
 
 
-def test_deviations_of_the_table_are_no_smaller_than_those_of_the_posterior() -> None:
-    """By definition where nothing is selected; the jackknife is the larger somewhere."""
+def test_deviations_of_the_table_are_those_of_the_posterior_and_of_left_out_parts() -> None:
+    """Where nothing is selected; those of parts are widened by Student's t of their number."""
     fitter, fit = fitted()
     fit, _, solution, total = posterior(fitter, fit)
-    of_posterior = np.array(table_std(fit.chain, solution.covariance_root[: 6 * len(TYPES)]))
-    found = np.array(table_deviations(total, solution, known_of(fitter, fit)))
-    assert (found >= of_posterior).all()
-    assert (found > 1.1 * of_posterior).any()
+    known, noise = known_of(fitter, fit), solution.left_out.unbiased_std
+    problem = coordinates_of(total, known)
+    state = problem.start()
+    parts = parts_about(total, problem, state, noise, solution.deviations)
+    shown = jackknife_root(parts, problem.prior_rows(state), noise)
+    first, size = total.around.basis.size, 6 * len(TYPES)
+    steps = problem.slopes(state)[first : first + size] @ shown
+    by_noise, by_parts = (
+        np.array(table_std(fit.chain, root)) for root in (solution.covariance_root[:size], steps)
+    )
+    assert len(parts) == 6
+    widened = 0.5 * student.ppf(norm.cdf(2.0), 5) * by_parts
+    found = np.array(table_deviations(total, solution, known))
+    np.testing.assert_allclose(found, np.hypot(by_noise, widened), rtol=1e-3)
 
 
 def test_unseen_torques() -> None:
