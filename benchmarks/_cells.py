@@ -52,10 +52,12 @@ def show(title: str, columns: Mapping[str, str], rows: Sequence[Row], width: int
 
 
 @contextmanager
-def running(node: str, parameters: Mapping[str, str]) -> Iterator[subprocess.Popen[bytes]]:
-    """Run a node of the package, such as 'serve', while the block runs."""
+def running(
+    node: str, parameters: Mapping[str, str], arguments: Sequence[str] = ()
+) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a node of the package, such as 'serve', with ROS arguments while the block runs."""
     pairs = [part for each in parameters.items() for part in ('-p', '{}:={}'.format(*each))]
-    command = [sys.executable, '-m', f'lip_id_ros.nodes.{node}', '--ros-args', *pairs]
+    command = [sys.executable, '-m', f'lip_id_ros.nodes.{node}', '--ros-args', *pairs, *arguments]
     with tempfile.TemporaryFile() as log:
         process = subprocess.Popen(command, stdout=log, stderr=log)
         try:

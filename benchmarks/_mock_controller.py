@@ -79,14 +79,15 @@ def controlled(
     folder: Path,
     rate_hz: int,
     program: Sequence[str] | None = None,
+    **more: Any,
 ) -> Iterator[None]:
     """
     Run a manager with an active joint_trajectory_controller; `node` has its URDF.
 
-    `program`: takes the place of ros2_control_node.
+    `program`: takes the place of ros2_control_node. `more`: parameters of the controller.
 
     """
-    controllers = {NAME: (JTC, trajectory_controller(joints))}
+    controllers = {NAME: (JTC, trajectory_controller(joints, **more))}
     parameters = write_parameters(folder / 'controllers.yaml', rate_hz, controllers)
     latched = node.create_publisher(String, '/robot_description', qos.LATCHED)
     latched.publish(String(data=description(joints)))

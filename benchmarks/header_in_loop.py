@@ -6,7 +6,6 @@ import argparse
 import json
 import os
 from pathlib import Path
-import subprocess
 import sys
 import tempfile
 import time
@@ -14,13 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import _loop_program
 from benchmarks._cells import measured, show
 from benchmarks.serve_rate import fitted, MIDDLEWARES
 from lip_id_ros.cli import main as lip_id
 
 SOURCE = Path(__file__).with_suffix('.cpp')
-PROGRAMS = SOURCE.parents[1] / 'scripts' / 'jazzy_programs'
-LIBRARIES = ('controller_manager', 'rclcpp', 'rcutils')
 PRIORITIES = (0, 50)
 PARTS = ('late without', 'late with', 'controllers', 'header')
 SHARES = (50.0, 99.0, 99.9, 100.0)
@@ -61,15 +59,7 @@ def main(arguments: list[str]) -> int:
 def compiled(folder: Path, model: str) -> str:
     """Export a model and compile the loop with it; return the program."""
     lip_id(['export', model, '--name', 'arm', '--c', str(folder / 'arm_dynamics.h')])
-    prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
-    folders = [Path(prefix) / 'lib' for prefix in prefixes]
-    library = next(each for each in folders if (each / 'libcontroller_manager.so').is_file())
-    program = folder / 'header_in_loop'
-    command: list[str | Path] = ['g++', '-std=c++17', '-O2', '-w', '-pthread', '-o', program]
-    command += [SOURCE, '-I', folder, '-I', PROGRAMS]
-    command += [library / f'lib{name}.so' for name in LIBRARIES]
-    subprocess.run([*command, f'-Wl,-rpath,{library}', '-Wl,--allow-shlib-undefined'], check=True)
-    return str(program)
+    return _loop_program.compiled(SOURCE, folder)
 
 
 def run(request: dict[str, Any]) -> dict[str, Any]:

@@ -15,7 +15,13 @@ from programs import installed
 import pytest
 from ros_domain import free_domain
 
-from benchmarks import c_against_pinocchio, long_recording, panda_monte_carlo, real_arms
+from benchmarks import (
+    c_against_pinocchio,
+    long_recording,
+    panda_monte_carlo,
+    real_arms,
+    track_controller,
+)
 from benchmarks.__main__ import available, main
 from benchmarks._results import Results, Row
 from benchmarks.query_million import ALLOWED_BLOCKS
@@ -132,6 +138,34 @@ def test_the_header_in_the_loop_of_a_controller_manager(
     assert rows['controllers']['over_period'].endswith('of 2000')
     assert rows['header']['over_period'].endswith('of 1000')
     assert 0.0 < rows['header']['50'] < rows['controllers']['50']
+
+
+@pytest.mark.ros
+@pytest.mark.ros2_control
+def test_an_arm_behind_a_controller_is_tracked_with_each_feedforward(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if installed('controller_manager', 'ros2_control_node') is None:
+        pytest.skip('needs a controller manager; with g++ make setup compiles it')
+    model, figures = tmp_path / 'model.npz', tmp_path / 'figures.json'
+    model_of(track_controller.true_arm()).save(model)
+    arguments = ['--model', str(model), '--motions', 'point to point', '--json', str(figures)]
+    with free_domain() as domain:
+        monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+        assert main(['track_controller', *arguments]) == 0
+    rows = json.loads(figures.read_text())
+    assert [row['feedforward'] for row in rows] == list(track_controller.WAYS)
+    none, kdl, *ours = (row['rms_mrad'] for row in rows)
+    assert max(ours) < kdl < none  # the model is that of the arm
+
+
+@pytest.mark.parametrize('name', list(track_controller.MOTIONS))
+def test_motions_begin_and_end_at_rest_and_fit_their_derivatives(name: str) -> None:
+    t, q, dq, ddq = track_controller.MOTIONS[name]()
+    np.testing.assert_allclose(dq[-1], 0.0, atol=1e-12)
+    np.testing.assert_allclose(q[0], track_controller.POSTURE, atol=1e-2)
+    np.testing.assert_allclose(np.gradient(q, t, axis=0)[1:-1], dq[1:-1], atol=0.02)
+    np.testing.assert_allclose(np.gradient(dq, t, axis=0)[1:-1], ddq[1:-1], atol=0.2)
 
 
 def test_unknown_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
