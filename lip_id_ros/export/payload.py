@@ -55,14 +55,14 @@ def residual_gp_cautions(model: InverseDynamicsModel) -> list[str]:
     return cautions
 
 
-def mass_cautions(payload: Payload) -> list[str]:
+def mass_cautions(mass: float, mass_std: float) -> list[str]:
     """Return a sentence where the torques show no mass, or not which, as on one vertical axis."""
-    if payload.mass_std > max(HALF * payload.mass, LEAST_MASS):
+    if mass_std > max(HALF * mass, LEAST_MASS):
         return [
-            f'The mass is not identified: its standard deviation is {payload.mass_std:.3g} kg; '
+            f'The mass is not identified: its standard deviation is {mass_std:.3g} kg; '
             'move joints that lift the payload.'
         ]
-    if payload.mass <= 2.0 * payload.mass_std:
+    if mass <= 2.0 * mass_std:
         return [
             'No payload is found: the mass is within two standard deviations of zero; do not use '
             'its centre of mass and inertia.'

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+import math
 import sys
 import time
 from typing import Any
@@ -22,7 +23,8 @@ from rosidl_runtime_py import set_message_fields
 from rosidl_runtime_py.utilities import get_service
 import yaml
 
-from lip_id_ros.errors import ConfigError, LipIdError, shortened, SourceError
+from lip_id_ros.errors import ConfigError, DataError, LipIdError, shortened, SourceError
+from lip_id_ros.export.payload import mass_cautions
 from lip_id_ros.files import require_regular_file
 from lip_id_ros.nodes.running import in_words, START_ERRORS
 
@@ -91,18 +93,41 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def read_payload(path: str) -> Values:
-    """Return the entries of a payload; SourceError if it is none."""
+    """Return the entries of a payload; SourceError if it is none, DataError if it is not known."""
     require_regular_file(path)
     with open(path, 'rb') as file:
         try:
             found = yaml.safe_load(file)
         except (yaml.YAMLError, ValueError) as error:
             raise SourceError(f'{path} is not readable YAML ({error}).') from error
-    if not isinstance(found, Mapping) or not {'ur_set_payload', 'franka_set_load'} <= set(found):
+    if not _is_payload(found):
         raise SourceError(
             f'{path} must be what lip_id payload --yaml wrote, but is {shortened(found)}.'
         )
-    return found
+    if cautions := mass_cautions(float(found['mass']), float(found['mass_std'])):
+        raise DataError(f'the payload of {path} is not given to a robot. {cautions[0]}')
+    return found  # type: ignore[no-any-return]
+
+
+def _is_payload(found: object) -> bool:
+    """Return whether a file has the entries of a payload, and all of their values are known."""
+    if not isinstance(found, Mapping):
+        return False
+    requests = [found.get(name) for name in ('ur_set_payload', 'franka_set_load')]
+    values = [found.get('mass'), found.get('mass_std'), *requests]
+    return all(isinstance(each, Mapping) for each in requests) and _are_numbers(values)
+
+
+def _are_numbers(found: object) -> bool:
+    """Return whether all in a mapping or a list is a finite number: YAML has 1e-05 as a text."""
+    if isinstance(found, Mapping):
+        return _are_numbers(list(found.values()))
+    if isinstance(found, list):
+        return all(_are_numbers(each) for each in found)
+    try:
+        return math.isfinite(float(found))  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        return False
 
 
 def service_type(kind: str) -> Any:

@@ -142,7 +142,7 @@ def find_payload(
     shown, loaded = payload_in_flange(found, *flange), attached(model, found)
     cautions = [
         *data_remarks(data.provenance),
-        *mass_cautions(shown),
+        *mass_cautions(shown.mass, shown.mass_std),
         *residual_gp_cautions(model),
         *evaluation_cautions(evaluate(loaded, data)),
     ]

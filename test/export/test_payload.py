@@ -21,7 +21,7 @@ from lip_id_ros.description.urdf import load_description
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.payload import attached, mass_cautions, payload_in_flange
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.identification.payload import LoadedArm, Payload
+from lip_id_ros.identification.payload import LoadedArm
 from lip_id_ros.joint_history import DISPLACEMENTS
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
@@ -85,8 +85,7 @@ def test_the_model_has_the_payload() -> None:
 def test_a_mass_that_is_not_identified_or_zero_is_a_caution(
     mass: float, std: float, caution: str
 ) -> None:
-    covariance = np.diag([std**2, *[1e-6] * 9])
-    found = mass_cautions(Payload(np.array([mass, *[0.0] * 9]), covariance))
+    found = mass_cautions(mass, std)
     assert [each.split(':')[0] for each in found] == [caution] * bool(caution)
 
 

@@ -97,6 +97,42 @@ def test_requests_of_each_definition(path: Path) -> None:
     np.testing.assert_allclose(entries(following), INERTIA)
 
 
+@pytest.mark.parametrize(
+    ('mass', 'std', 'caution'),
+    [
+        (-1.0, 0.01, 'No payload is found'),
+        (0.01, 0.01, 'No payload is found'),
+        (1.0, 0.6, 'The mass is not identified'),
+    ],
+)
+def test_a_payload_that_is_not_known_is_not_sent(
+    path: Path, capfd: pytest.CaptureFixture[str], mass: float, std: float, caution: str
+) -> None:
+    text = path.read_text().replace('mass: 2.0', f'mass: {mass}')
+    path.write_text(text.replace('mass_std: 0.0', f'mass_std: {std}'))
+    assert set_payload.main([str(path), 'franka']) == 1
+    said = capfd.readouterr().err
+    assert f'load.yaml is not given to a robot. {caution}' in said
+
+
+@pytest.mark.parametrize(
+    ('entry', 'instead'),
+    [
+        ('mass: 2.0', 'mass: NaN'),
+        ('franka_set_load: {"mass": 2.0', 'franka_set_load: {"mass": [null]'),
+        ('ur_set_payload: {"mass": 2.0', 'ur_set_payload: {"mass": Infinity'),
+    ],
+)
+def test_a_payload_with_what_is_no_number_is_refused(
+    path: Path, capfd: pytest.CaptureFixture[str], entry: str, instead: str
+) -> None:
+    text = path.read_text()
+    assert entry in text
+    path.write_text(text.replace(entry, instead))
+    assert set_payload.main([str(path), 'franka']) == 1
+    assert 'load.yaml must be what lip_id payload --yaml wrote' in capfd.readouterr().err
+
+
 def camera(payload: Values, fields: Collection[str]) -> Values:
     """A service of the tests' Jazzy that takes three numbers and a matrix."""
     assert list(fields) == ['camera_info']
