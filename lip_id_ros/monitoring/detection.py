@@ -42,6 +42,9 @@ MOST_BLIND = 0.5
 LEAST_MOTION = 0.2
 """Share of the training data's range of velocities that calibration must see of every joint."""
 
+MOST_KEPT = 20_000
+"""Estimates that are kept of a free motion, evenly spaced, so that it may last for hours."""
+
 SWEEPS, LEAST_VARIANCE = 10, 1e-9
 """Of the weighted least squares, and least variance of an estimate in the largest torque's."""
 
@@ -157,25 +160,33 @@ class ContactDetector:
 
 
 class FreeMotion:
-    """Estimates in so many seconds without contact."""
+    """Estimates in so many seconds without contact; `kept`: at most `MOST_KEPT` of them."""
 
     def __init__(self, seconds: float, n_joints: int) -> None:
         self._remaining = seconds
         self._low, self._high = np.full((2, n_joints), [[np.inf], [-np.inf]])
-        self._estimates: list[ExternalTorque] = []
+        self.kept: list[ExternalTorque] = []
+        self._n, self._every = 0, 1
 
     def add(self, step: float, dq: Array, external: ExternalTorque) -> bool:
         """Take a sample, `step` [s] after the one before; return whether it is enough."""
-        self._estimates.append(external)
+        self._keep(external)
         self._low, self._high = np.minimum(self._low, dq), np.maximum(self._high, dq)
         self._remaining -= step
         return self._remaining <= 0.0
+
+    def _keep(self, external: ExternalTorque) -> None:
+        if self._n % self._every == 0:
+            self.kept.append(external)
+        self._n += 1
+        if len(self.kept) > MOST_KEPT:
+            self.kept, self._every = self.kept[::2], 2 * self._every
 
     def detector(
         self, joint_names: tuple[str, ...], smallest: Array, torque_error: Array
     ) -> ContactDetector:
         """Return the detector that knows the errors of this motion; DataError as `calibrated`."""
-        return ContactDetector.calibrated(joint_names, self._estimates, smallest, torque_error)
+        return ContactDetector.calibrated(joint_names, self.kept, smallest, torque_error)
 
     def require_motion(self, joint_names: tuple[str, ...], trained: Array) -> None:
         """

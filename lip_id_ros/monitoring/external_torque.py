@@ -35,8 +35,11 @@ SETTLED = 8.0
 AVERAGED_S = 0.1
 """Time over which the terms of the deviation are averaged [s]."""
 
-LEAST_EIGENVALUE = 1e-6
-"""Of an inertia matrix, in the largest: those of Gaussian processes may be indefinite."""
+LEAST_EIGENVALUE = 0.01
+"""
+Of an inertia matrix in units of its largest diagonal entries so far: those of Gaussian processes
+may be indefinite, and what is predicted with a tiny one is tossed about.
+"""
 
 N_TERMS = 4
 
@@ -80,6 +83,7 @@ class ExternalTorqueObserver:
         self._unsettled_s = SETTLED / bandwidth
         self._q, self._dq, self._ddq, self._external = np.zeros((4, n))
         self._terms = np.zeros((N_TERMS, n))
+        self._largest = np.full(n, np.finfo(float).tiny)
 
     def update(self, t: float, q: Array, dq: Array, tau: Array) -> ExternalTorque:
         """Take one measured sample at t [s], arrays of shape (n,); `dq` is used at the first."""
@@ -104,11 +108,23 @@ class ExternalTorqueObserver:
         dq[n], dq[n + 1] = self._dq + self._near_rest, self._dq - self._near_rest
         found = self._model.predict(at, dq, ddq)
         after, before = found.friction[n:]
-        inertia = _positive(0.5 * (found.inertial[:n] + found.inertial[:n].T))
+        inertia = self._positive(0.5 * (found.inertial[:n] + found.inertial[:n].T))
         reversal = np.maximum(0.5 * (after - before), 0.0)
         slope = reversal / np.maximum(self._near_rest, np.finfo(float).tiny)
         bias = (found.tau - found.inertial)[n:].mean(axis=0)
         return _Prediction(inertia, bias, reversal, slope)
+
+    def _positive(self, inertia: Array) -> Array:
+        """Return an inertia matrix whose eigenvalues are not too small to divide by."""
+        if not np.isfinite(inertia).all():
+            return np.full_like(inertia, np.nan)
+        self._largest = np.maximum(self._largest, np.abs(np.diag(inertia)))
+        root = np.sqrt(self._largest)
+        values, vectors = np.linalg.eigh(inertia / root[:, None] / root)
+        if values[0] >= LEAST_EIGENVALUE:
+            return inertia
+        least = (vectors * np.maximum(values, LEAST_EIGENVALUE)) @ vectors.T
+        return np.asarray(least * root[:, None] * root)
 
     def _advance(self, step: float, known: _Prediction, tau: Array) -> Array:
         """Predict the state over a step [s]; return the accelerations without external torque."""
@@ -150,14 +166,3 @@ def external_torques(
     """Estimate the external torques of a recording of N samples, as the monitor does."""
     observer = ExternalTorqueObserver(model, bandwidth)
     return [observer.update(float(t[row]), q[row], dq[row], tau[row]) for row in range(len(t))]
-
-
-def _positive(matrix: Array) -> Array:
-    """Return a symmetric matrix whose eigenvalues are not too small to divide by."""
-    if not np.isfinite(matrix).all():
-        return np.full_like(matrix, np.nan)
-    values, vectors = np.linalg.eigh(matrix)
-    if values[0] >= LEAST_EIGENVALUE * values[-1] > 0.0:
-        return matrix
-    least = max(LEAST_EIGENVALUE * float(values[-1]), np.finfo(float).tiny)
-    return np.asarray((vectors * np.maximum(values, least)) @ vectors.T)

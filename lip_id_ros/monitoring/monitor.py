@@ -262,7 +262,8 @@ class Monitor:
         self._q = q
         state = (measured.t, q, measured.dq, measured.tau)
         external, energy = self._external.update(*state), self._energy.update(*state)
-        if not (np.isfinite(external.torque).all() and np.isfinite(energy.unexplained)):
+        estimates = (external.torque, external.terms, energy.unexplained)
+        if not all(np.isfinite(each).all() for each in estimates):
             self._begin_anew()
             raise RefusedError(Refusal.NOT_FINITE_TORQUE)
         if not follows:

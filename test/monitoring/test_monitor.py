@@ -207,6 +207,7 @@ def test_a_joint_that_is_named_twice_is_refused(path: str) -> None:
         ({'names': ('wrist', 'finger')}, 'only foreign joints'),
         ({'position': [np.nan, 0.0]}, 'value not finite'),
         ({'velocity': [1e200, 0.0]}, 'torque not finite'),
+        ({'effort': [1e200, 0.0]}, 'torque not finite'),  # its square is averaged
     ],
 )
 def test_what_cannot_be_used_is_counted_and_spoils_nothing(

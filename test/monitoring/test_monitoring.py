@@ -25,6 +25,7 @@ from lip_id_ros.monitoring import (
     external_torques,
     ExternalTorque,
 )
+from lip_id_ros.monitoring.detection import FreeMotion, MOST_KEPT
 from lip_id_ros.monitoring.external_torque import BANDWIDTH
 from lip_id_ros.monitoring.observers import DisturbanceObserver
 
@@ -135,6 +136,31 @@ def test_an_arm_that_stands_may_be_held_by_any_of_its_friction() -> None:
     np.testing.assert_allclose(found[-1].terms[3], 1.0, rtol=0.2)
 
 
+class Indefinite(Knowing):
+    """Pendulums whose inertia in a direction that turns swings through zero with position."""
+
+    def predict(
+        self, q: Array, dq: Array, ddq: Array, t: Array | None = None, *, return_std: bool = False
+    ) -> Prediction:
+        found = super().predict(q, dq, ddq, t, return_std=return_std)
+        direction = np.stack([np.zeros(len(q)), np.sin(q[:, 1]), np.cos(q[:, 1])], axis=1)
+        along = np.sum(direction * ddq, axis=1) * np.sin(3.0 * q[:, 0])
+        more = along[:, np.newaxis] * direction
+        return replace(found, tau=found.tau + more, inertial=found.inertial + more)
+
+
+@pytest.mark.parametrize('rate', [100.0, 1000.0])
+def test_a_model_with_an_indefinite_inertia_shows_no_more_than_its_own_error(rate: float) -> None:
+    data, model = motion(rate), Indefinite()
+    error = model.predict(data.q, data.dq, data.ddq).tau - data.tau
+    at = np.broadcast_to(data.q[:, np.newaxis], (len(data.t), 3, 3)).reshape(-1, 3)
+    unit = np.tile(np.eye(3), (len(data.t), 1))
+    inertia = model.predict(at, np.zeros_like(at), unit).inertial.reshape(-1, 3, 3)
+    assert np.linalg.eigvalsh(inertia).min() < -0.5
+    found = estimates(data, data.tau, cast('DynamicsModel', model))
+    assert np.abs(found[data.t > 0.3]).max() < np.abs(error).max()
+
+
 def test_stamps_and_velocities_that_jitter_show_a_fraction_of_what_differences_would() -> None:
     data, rng = motion(500.0), np.random.default_rng(0)
     t = data.t + rng.uniform(-5e-4, 5e-4, len(data.t))
@@ -194,6 +220,21 @@ def free_estimates(rng: np.random.Generator, n: int = 4000) -> list[ExternalTorq
 def calibrated(smallest: float | list[float], error: float = 0.0) -> ContactDetector:
     free = free_estimates(np.random.default_rng(3))
     return ContactDetector.calibrated(('shoulder', 'elbow'), free, smallest, error)
+
+
+def test_hours_of_free_motion_are_kept_thinned_and_teach_the_same() -> None:
+    estimate = free_estimates(np.random.default_rng(3), 100_000)
+    free = FreeMotion(3600.0, 2)
+    still = np.zeros(2)
+    for row, each in enumerate(estimate):
+        free.add(1e-3, np.full(2, 1.0 if row == 77_777 else 0.0), each)
+    assert len(free.kept) <= MOST_KEPT
+    assert free.kept[1] is estimate[8]
+    assert free.kept[-1] is estimate[8 * (len(free.kept) - 1)]
+    assert 100_000 - 8 * len(free.kept) < 8
+    shares = free.detector(('shoulder', 'elbow'), np.full(2, 10.0), still).deviation.shares
+    np.testing.assert_allclose(shares[:, 0], [0.2, 0.3, 0.0, 0.5], atol=0.06)
+    free.require_motion(('shoulder', 'elbow'), np.full(2, 5.0))  # of all samples
 
 
 def test_deviations_are_those_of_the_free_motion() -> None:
