@@ -46,6 +46,7 @@ def named(text: str) -> set[str]:
         'dataset',
         'inspect',
         'predict',
+        'adapt',
         'check-plan',
         'export',
         'payload',
