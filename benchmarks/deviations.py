@@ -133,18 +133,7 @@ class Truth:
 
 def _of(t: Array, motion: tuple[Array, Array, Array], tau: Array) -> Dataset:
     """Return samples of a motion (q, dq, ddq) of one recording."""
-    segment = np.zeros(t.size, dtype=np.int64)
-    q, dq, ddq = motion
-    return Dataset(
-        t=t,
-        q=q,
-        dq=dq,
-        ddq=ddq,
-        tau=tau,
-        joint_names=NAMES,
-        joint_types=TYPES,
-        segment=segment,
-    )
+    return Dataset.from_arrays(*motion, tau, NAMES, TYPES, t)
 
 
 def means(values: Array | BoolArray, where: BoolArray) -> Array:

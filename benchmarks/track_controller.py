@@ -98,16 +98,7 @@ def recording() -> Dataset:
     dq = (amplitude * omega * np.cos(angle)).sum(axis=0)
     ddq = -(amplitude * omega**2 * np.sin(angle)).sum(axis=0)
     tau = true_arm().torque(q, dq, ddq) + NOISE * rng.standard_normal(q.shape)
-    return Dataset(
-        t=t,
-        q=q,
-        dq=dq,
-        ddq=ddq,
-        tau=tau,
-        joint_names=JOINTS,
-        joint_types=('revolute',) * N,
-        segment=np.zeros(len(t), dtype=np.int64),
-    )
+    return Dataset.from_arrays(q, dq, ddq, tau, JOINTS, t=t)
 
 
 def point_to_point() -> States:

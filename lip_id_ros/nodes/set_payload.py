@@ -12,7 +12,6 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 import math
 import sys
-import time
 from typing import Any
 
 import rclpy
@@ -152,8 +151,8 @@ def call(node: Node, driver: Driver, kind: Any, service: str, payload: Values) -
             f'{client.srv_name} is offered by nobody; start the driver, or name its service with '
             '--service.'
         )
-    answer, end = client.call_async(request), time.monotonic() + LONGEST_S
-    rclpy.spin_until_future_complete(node, answer, timeout_sec=end - time.monotonic())
+    answer = client.call_async(request)
+    rclpy.spin_until_future_complete(node, answer, timeout_sec=LONGEST_S)
     if not answer.done():
         raise LipIdError(f'{client.srv_name} has not answered in {LONGEST_S:g} s; see its log.')
     if not answer.result().success:

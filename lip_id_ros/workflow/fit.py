@@ -1,4 +1,4 @@
-"""From recordings to a model, and what it is worth on unseen samples; or to a payload."""
+"""Fit a model to recordings and judge it on unseen samples, or identify a payload."""
 
 from __future__ import annotations
 

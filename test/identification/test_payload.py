@@ -64,18 +64,8 @@ def recorded(
     tau = (
         load + arm.friction.torque(q, dq, ddq, load) + noise * np.repeat(white, correlated, axis=0)
     )
-    names = tuple(f'joint_{i + 1}' for i in range(n))
     types = tuple('prismatic' if slides else 'revolute' for slides in arm.chain.prismatic)
-    return Dataset(
-        t=t,
-        q=q,
-        dq=dq,
-        ddq=ddq,
-        tau=tau,
-        joint_names=names,
-        joint_types=types,
-        segment=np.zeros(len(t), dtype=np.int64),
-    )
+    return Dataset.from_arrays(q, dq, ddq, tau, joint_types=types, t=t)
 
 
 @pytest.mark.parametrize('kinds', ['RRRRRR', 'PRRRR', 'RRRRRRR'])

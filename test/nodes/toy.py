@@ -46,16 +46,7 @@ def motion(n_samples: int, seed: int = 0) -> tuple[Array, Array, Array, Array]:
 def dataset(joints: tuple[str, ...] = JOINTS) -> Dataset:
     t, q, dq, ddq = motion(600)
     tau = torque(q, ddq) + 1e-3 * np.random.default_rng(1).standard_normal(q.shape)
-    return Dataset(
-        t=t,
-        q=q,
-        dq=dq,
-        ddq=ddq,
-        tau=tau,
-        joint_names=joints,
-        joint_types=('revolute',) * 2,
-        segment=np.zeros(len(t), dtype=np.int64),
-    )
+    return Dataset.from_arrays(q, dq, ddq, tau, joints, t=t)
 
 
 def model(joints: tuple[str, ...] = JOINTS) -> InverseDynamicsModel:
