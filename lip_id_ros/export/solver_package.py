@@ -65,7 +65,16 @@ def require_own(folder: str, force: bool) -> None:
 
 
 def save(files: Mapping[str, str], folder: str | os.PathLike[str]) -> None:
-    """Write the files of a package into a folder, which is made; OSError if that fails."""
+    """
+    Write the files of a package into a folder, which is made; OSError if that fails.
+
+    Those that another name of the arm left there are removed, since CMake would install them.
+
+    """
+    for pattern in ('*{}.xml', 'src/*{}.cpp', 'include/*{}/*_dynamics.h'):
+        for old in Path(folder).glob(pattern.format(SUFFIX)):
+            if str(old.relative_to(folder)) not in files and MARK in old.read_bytes():
+                old.unlink()
     for name, text in files.items():
         path = Path(folder) / name
         path.parent.mkdir(parents=True, exist_ok=True)

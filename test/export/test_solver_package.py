@@ -105,6 +105,10 @@ def written(arm: ArmDescription, folder: Path) -> str:
     return package_name(arm.name)
 
 
+def files_of(folder: Path) -> list[Path]:
+    return [path for path in folder.rglob('*') if path.is_file()]
+
+
 class Plugin:
     def __init__(self, library: Path) -> None:
         self._library = ctypes.CDLL(str(library))
@@ -170,7 +174,7 @@ def test_names_of_the_package_are_those_of_its_files(tmp_path: Path) -> None:
     source = (tmp_path / 'src' / f'{package}.cpp').read_text()
     assert f'{package}::InverseDynamicsSolver, inverse_dynamics_solver' in source
     assert package_name('My__Arm_') == 'my_arm_inverse_dynamics_solver'
-    assert '%{' not in ''.join(path.read_text() for path in tmp_path.rglob('*') if path.is_file())
+    assert '%{' not in ''.join(path.read_text() for path in files_of(tmp_path))
 
 
 FOUND = """
@@ -243,6 +247,15 @@ def test_the_verb_writes_a_package_and_replaces_no_other_folder(
             tmp_path / 'solver' / 'include' / 'arm_inverse_dynamics_solver' / 'arm_dynamics.h'
         ).read_text()
     )
+    other = tmp_path / 'solver' / 'src' / 'by_hand_inverse_dynamics_solver.cpp'
+    other.write_text('// no file of this program')
+    assert main([*command, '--name', 'Other_Arm']) == 0
+    files = {str(path.relative_to(tmp_path / 'solver')) for path in files_of(tmp_path / 'solver')}
+    package = 'other_arm_inverse_dynamics_solver'
+    assert files == {
+        *('CMakeLists.txt', 'package.xml', f'{package}.xml', f'src/{package}.cpp'),
+        *(f'include/{package}/Other_Arm_dynamics.h', f'src/{other.name}'),
+    }
     (tmp_path / 'solver' / 'package.xml').write_text('<package/>')
     assert main(command) == 1
     assert 'is not a package of a solver; name another folder' in ' '.join(
