@@ -13,6 +13,10 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 IndexArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
+Rows = IndexArray | slice
+
+EVERY = slice(None)
+"""All rows."""
 
 
 def digest(arrays: Mapping[str, NDArray[Any]], *texts: str) -> str:

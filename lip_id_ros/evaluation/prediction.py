@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, EVERY, Rows
 from lip_id_ros.dataset import cutoffs_hz, Dataset
 from lip_id_ros.errors import ModelError
 from lip_id_ros.identification.folds import at_rest
@@ -24,7 +24,7 @@ from lip_id_ros.progress import Progress, silent
 from lip_id_ros.recording.sketch import have_common_samples, SKETCH
 
 BLOCK = 500
-STD_BLOCK = 50  # standard deviations need far more memory per sample
+STD_BLOCK, ARM_STD_BLOCK = 50, 2000  # the path of all samples is looked at for each block
 MOST_COVERED = 500  # samples of which a coverage is the share
 
 Blocks = TypeVar('Blocks', bound=Any)
@@ -95,7 +95,7 @@ def run(model: TorqueModel, dataset: Dataset, progress: Progress = silent) -> Ou
     predictions: list[TorquePrediction] = []
     eigenvalues = []
     arm = model if isinstance(model, InverseDynamicsModel) and model.arm is not None else None
-    for q, dq, ddq in _state_blocks(dataset, BLOCK, 'predict', progress):
+    for q, dq, ddq in _state_blocks(dataset, progress):
         if arm is None:
             predictions.append(model.predict(q, dq, ddq))
         if isinstance(model, DynamicsModel):
@@ -126,29 +126,29 @@ def _within_two_std(model: TorqueModel, dataset: Dataset, tau: Array) -> Array |
         return None  # the noise of the model is that of efforts with another bandwidth
     count = min(MOST_COVERED, dataset.n_samples)
     rows = np.linspace(0, dataset.n_samples - 1, count).astype(np.intp)
-    some = dataset.select(rows)
-    std = model.standard_deviation(some.q, some.dq, some.ddq).measurement
-    return np.asarray(100.0 * np.mean(np.abs(some.tau - tau[rows]) <= 2.0 * std, axis=0))
+    std = standard_deviation(model, dataset, silent, rows).measurement
+    return np.asarray(100.0 * np.mean(np.abs(dataset.tau - tau)[rows] <= 2.0 * std, axis=0))
 
 
 def standard_deviation(
-    model: DynamicsModel, dataset: Dataset, progress: Progress = silent
+    model: DynamicsModel, dataset: Dataset, progress: Progress = silent, rows: Rows = EVERY
 ) -> StandardDeviation:
-    """Compute the standard deviations of torques and energies at every sample."""
-    blocks = [
-        model.predict(*states, return_std=True).std
-        for states in _state_blocks(dataset, STD_BLOCK, 'standard deviation', progress)
-    ]
-    return _joined([block for block in blocks if block is not None])
+    """Compute the standard deviations of torques and energies at every sample, or at some."""
+    chosen = np.arange(dataset.n_samples)[rows]
+    states = dataset.q, dataset.dq, dataset.ddq, dataset.t
+    blocks, size = [], STD_BLOCK if getattr(model, 'process', None) else ARM_STD_BLOCK
+    for begin in range(0, chosen.size, size):
+        some = chosen[begin : begin + size]
+        blocks.append(model.standard_deviation(*states, some))
+        progress('standard deviation', begin + some.size, chosen.size)
+    return _joined(blocks)
 
 
-def _state_blocks(
-    dataset: Dataset, size: int, stage: str, progress: Progress
-) -> Iterator[tuple[Array, Array, Array]]:
-    for begin in range(0, dataset.n_samples, size):
-        rows = slice(begin, begin + size)
+def _state_blocks(dataset: Dataset, progress: Progress) -> Iterator[tuple[Array, Array, Array]]:
+    for begin in range(0, dataset.n_samples, BLOCK):
+        rows = slice(begin, begin + BLOCK)
         yield dataset.q[rows], dataset.dq[rows], dataset.ddq[rows]
-        progress(stage, min(begin + size, dataset.n_samples), dataset.n_samples)
+        progress('predict', min(begin + BLOCK, dataset.n_samples), dataset.n_samples)
 
 
 def _joined(blocks: Sequence[Blocks]) -> Blocks:

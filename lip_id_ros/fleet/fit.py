@@ -138,7 +138,7 @@ class _Fit:
             )
         joint_types = reservoir_data(surveys[0], names).joint_types
         described = described_arm(names, joint_types, settings)
-        content = described[0].fingerprint if described else ''
+        content = described[0].text if described else ''
         some = [(each.key, each.group) for each in chosen(surveys)]
         key = digest('placements', self._recordings.settings, some, names, settings, content)
         if (placed := self._passes.restored(PlacedArm, key)) is None:

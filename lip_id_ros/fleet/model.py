@@ -49,7 +49,8 @@ def with_processes(
     `solution`: of the reservoirs.
     """
     excluded = dict(placed.excluded)
-    fitter = _measured(placed, [each for each in surveys if each.key not in excluded], described)
+    some = [each for each in chosen(surveys) if each.key not in excluded]
+    fitter = _measured(placed, some, described)
     return placed.with_residual_gp(select_processes(fitter, _fit(placed, solution)))
 
 

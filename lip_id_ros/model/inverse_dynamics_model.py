@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.arrays import Array, BoolArray, EVERY, Rows
 from lip_id_ros.checked_file import Arrays, read_checked, write_checked
 from lip_id_ros.errors import ShapeError
 from lip_id_ros.friction.dahl import (
@@ -262,10 +262,17 @@ class InverseDynamicsModel:
         return self._mean.many(positions, velocities, np.zeros_like(positions))
 
     def standard_deviation(
-        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, t: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        t: ArrayLike | None = None,
+        rows: Rows = EVERY,
     ) -> StandardDeviation:
         """
         Posterior standard deviations at N joint states, whose past is known as for `predict`.
+
+        Of these, only those at some `rows` are computed, and the others are their past.
 
         The first call for a Gaussian process on energies factorises its Gram matrix.
 
@@ -275,13 +282,15 @@ class InverseDynamicsModel:
             If the shapes are not (N, n) with the model's n.
 
         """
-        at, rate, change = self._checked(q, dq, ddq)
+        states = self._checked(q, dq, ddq)
+        at, rate, change = (x[rows] for x in states)
         if self.process is not None:
             variances = self.process.variances(at, rate, change, self.potential_reference)
             tau, kinetic, potential = map(np.sqrt, variances)
             noise = self.process.noise_std
         else:
-            tau, noise = self.torque_std(at, rate, change, t), self._known_arm.noise.std_at(rate)
+            tau = self.torque_std(states[0], states[1], states[2], t, rows)
+            noise = self._known_arm.noise.std_at(rate)
             kinetic, potential = self._known_arm.energy_std(at, rate, self.potential_reference)
         known = potential if self.has_potential else None
         return StandardDeviation(tau, np.hypot(tau, noise), kinetic, known)
@@ -424,17 +433,25 @@ class InverseDynamicsModel:
             return np.nan
         return self._mean.one(self.potential_reference, *np.zeros((2, self.n_joints)))[3]
 
-    def torque_std(self, q: Array, dq: Array, ddq: Array, t: ArrayLike | None = None) -> Array:
-        """Return deviations of noiseless torques, no checks, all of shape (N, n) [N m or N]."""
+    def torque_std(
+        self,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        t: ArrayLike | None = None,
+        rows: Rows = EVERY,
+    ) -> Array:
+        """Return deviations of noiseless torques at `rows` of (N, n), no checks [N m or N]."""
+        some = q[rows], dq[rows], ddq[rows]
         if self.process is not None:
-            return np.sqrt(self.process.variances(q, dq, ddq, self.potential_reference)[0])
-        std = self._arm_deviation.torque_std(q, dq, ddq)
+            return np.sqrt(self.process.variances(*some, self.potential_reference)[0])
+        std = self._arm_deviation.torque_std(*some)
         if self.residual_gp is not None:
-            self._residual_gp_deviation.add_to(std, q, dq, ddq)
+            self._residual_gp_deviation.add_to(std, *some)
         if self._memory is not None:
             steps = self._steps((q, dq, ddq), t)
             share = unknown_share(Steps.unknown(q.shape) if steps is None else steps)
-            std = np.hypot(std, self._memory.unknown_std(q, dq, ddq, share))
+            std = np.hypot(std, self._memory.unknown_std(*some, share[rows]))
         return std
 
     def _checked(self, *arrays: ArrayLike) -> list[Array]:

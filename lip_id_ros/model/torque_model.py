@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, EVERY, Rows
 
 
 @dataclass(frozen=True)
@@ -139,6 +139,11 @@ class DynamicsModel(TorqueModel, Protocol):
         return_std: bool = False,
     ) -> Prediction:
         """Torques with their parts, energies, and standard deviations where asked for."""
+
+    def standard_deviation(
+        self, q: Array, dq: Array, ddq: Array, t: Array | None = None, rows: Rows = EVERY
+    ) -> StandardDeviation:
+        """Return standard deviations at some rows of N joint states; others are their past."""
 
     def query(self, q: Array, dq: Array, ddq: Array) -> Query:
         """Torques and energies at one joint state, arrays of shape (n,), without checks."""

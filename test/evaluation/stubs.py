@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from simulation.pendulums import INERTIA, Pendulums, swing, WEIGHT
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, EVERY, Rows
 from lip_id_ros.model import Prediction, Query, StandardDeviation
 
 
@@ -52,7 +52,7 @@ class Knowing:
             friction=friction,
             kinetic=arm.kinetic(q, dq) + self.energy_error,
             potential=None if self.offset is None else arm.potential(q) + self.offset,
-            std=self._standard_deviation(q) if return_std else None,
+            std=self.standard_deviation(q, dq, ddq) if return_std else None,
         )
 
     def query(self, q: Array, dq: Array, ddq: Array) -> Query:
@@ -66,7 +66,10 @@ class Knowing:
     def inertia_matrix(self, q: Array) -> Array:
         return np.tile(np.diag(self.inertia), (len(q), 1, 1))
 
-    def _standard_deviation(self, q: Array) -> StandardDeviation:
+    def standard_deviation(
+        self, q: Array, dq: Array, ddq: Array, t: Array | None = None, rows: Rows = EVERY
+    ) -> StandardDeviation:
+        q = q[rows]
         energy = 0.1 * np.ones(len(q))
         return StandardDeviation(
             tau=0.3 * np.ones_like(q),

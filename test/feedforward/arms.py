@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, EVERY, Rows
 from lip_id_ros.feedforward.loading import LoadedModel
-from lip_id_ros.model import EffortCalibration, Prediction, Query
+from lip_id_ros.model import EffortCalibration, Prediction, Query, StandardDeviation
 from lip_id_ros.model.known_states import KnownStates
 
 NAMES = ('a', 'b')
@@ -64,6 +64,12 @@ class Sum:
         gravity, coriolis, inertial = self.factor * np.stack([q, 10 * dq, 100 * ddq])
         tau = gravity + coriolis + inertial
         return Prediction(tau, (dq * dq).sum(axis=1), None, inertial, coriolis, gravity, 0 * tau)
+
+    def standard_deviation(
+        self, q: Array, dq: Array, ddq: Array, t: Array | None = None, rows: Rows = EVERY
+    ) -> StandardDeviation:
+        energy = np.ones(len(q[rows]))
+        return StandardDeviation(np.ones_like(q[rows]), np.ones_like(q[rows]), energy, None)
 
 
 def arm(factor: float = 1.0, reach: float = 1e6) -> LoadedModel:

@@ -225,6 +225,22 @@ def test_a_robot_description_is_the_prior(fleet: Fleet) -> None:
     assert error < 0.01 * fleet.data[0].tau.std()
 
 
+def test_a_description_whose_inertials_have_changed_is_another(
+    fleet: Fleet, tmp_path: Path
+) -> None:
+    """The file keeps its name, and its joints their places."""
+    arm, file = describe(fleet.result.model, 'arm').arm, tmp_path / 'arm.urdf'
+    settings = FitSettings(description=str(file), description_inertial=0.01, terms='friction')
+    cache, config = dict[str, bytes](), Config(fit=settings)
+    file.write_text(to_urdf(replace(arm, links=2.0 * arm.links)))
+    fit_fleet(fleet.sources[:2], config, PlainEngine(), cache)
+    file.write_text(to_urdf(arm))
+    corrected, anew = (
+        fit_fleet(fleet.sources[:2], config, PlainEngine(), each) for each in (cache, {})
+    )
+    assert_array_equal(parameters(corrected), parameters(anew))
+
+
 def test_a_solution_that_is_not_linear_is_found_in_one_more_pass(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

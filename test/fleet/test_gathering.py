@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 import pickle
+from types import SimpleNamespace
+from typing import Any
 
 from fleet.fleets import arm_of, friction_of, linearisation_of, recording
 from hypothesis import given, settings, strategies
@@ -14,6 +16,7 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
+from lip_id_ros.fleet import model as fleet_model
 from lip_id_ros.fleet.placements import PlacedArm
 from lip_id_ros.fleet.results import SIGNALS, Survey
 from lip_id_ros.fleet.survey import gather_kept, survey_of
@@ -21,6 +24,7 @@ from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.residual_gp_selection import ResidualProcess
 from lip_id_ros.identification.sample_selection import measured
 from lip_id_ros.identification.total import gather, RecordingFactors, unpacked
+from lip_id_ros.rigid_body.chain import NO_COUPLINGS
 
 ARM = arm_of()
 FRICTION = friction_of(ARM, np.random.default_rng(0), 0.3)
@@ -173,3 +177,24 @@ def test_processes_are_kept() -> None:
     assert second is not None
     assert (second.replaces, second.noise, second.left_out_std) == (True, 0.1, 0.25)
     assert_array_equal(second.lengths, process.lengths)
+
+
+def test_processes_are_selected_by_the_recordings_that_placements_are(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A stored selection is known by these, so that none takes the place of one left out."""
+    seen: list[int] = []
+
+    def select(fitter: Any, _: object) -> list[None]:
+        seen.append(np.unique(fitter.dataset.recording).size)
+        return [None] * fitter.dataset.n_joints
+
+    monkeypatch.setattr('lip_id_ros.fleet.placements.MOST_RECORDINGS', 3)
+    monkeypatch.setattr(fleet_model, 'select_processes', select)
+    monkeypatch.setattr(fleet_model, '_fit', lambda *_: None)
+    some: Any = [replace(survey_of(DATA, '', ''), key=key) for key in '0123']
+    arm = {'joint_names': DATA.joint_names, 'couplings': NO_COUPLINGS}
+    placed: Any = SimpleNamespace(**arm, excluded=[('0', '')], with_residual_gp=lambda _: placed)
+    nothing: Any = None
+    fleet_model.with_processes(placed, nothing, some)
+    assert seen == [2]

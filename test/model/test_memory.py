@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ShapeError
+from lip_id_ros.evaluation.prediction import standard_deviation
 from lip_id_ros.friction.dahl import Dahl, LONGEST_GAP_S
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionModel, plain_friction
@@ -55,6 +57,17 @@ def test_an_arm_that_stands_is_held_by_its_last_friction(model: InverseDynamicsM
     rest = remembered(model, states, times)[-50:]
     np.testing.assert_allclose(rest[:, 0], STRENGTH * np.sign(q[-1, 0] - q[-2, 0]), rtol=1e-3)
     assert np.abs(rest[:, 1:]).max() < 1e-12
+
+
+def test_the_past_of_some_rows_is_that_of_all(model: InverseDynamicsModel) -> None:
+    t, states = motion(model)
+    rows = np.arange(32, len(t), 40)  # one of them at rest
+    data = Dataset.from_arrays(*states, states[0], t=t, joint_names=model.joint_names)
+    known = model.standard_deviation(*states, t).tau[rows]
+    np.testing.assert_array_equal(standard_deviation(model, data, rows=rows).tau, known)
+    q, dq, ddq = (each[rows] for each in states)
+    alone = model.standard_deviation(q, dq, ddq).tau
+    assert alone[:, 0].max() > 0.1 * STRENGTH > 10.0 * known[:, 0].max()
 
 
 def test_rows_of_one_motion_need_no_times(model: InverseDynamicsModel) -> None:

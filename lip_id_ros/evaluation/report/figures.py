@@ -50,7 +50,7 @@ def band(model: TorqueModel, outcome: Outcome, progress: Progress = silent) -> B
     n_samples = outcome.dataset.n_samples
     spread = np.linspace(0, n_samples - 1, min(MOST_SAMPLES, n_samples))
     rows = spread.round().astype(np.int64)
-    std = standard_deviation(model, outcome.dataset.select(rows), progress)
+    std = standard_deviation(model, outcome.dataset, progress, rows)
     return Band(rows, std.measurement, std.kinetic, std.potential)
 
 
