@@ -47,6 +47,15 @@ def test_a_plan_is_not_slowed_beyond_what_a_duration_holds() -> None:
     assert slower.points[0].time_from_start.sec == 2 * 10**9
 
 
+def test_a_slower_plan_is_on_the_same_way() -> None:
+    times, states = np.array([0.5, 1.25]), np.arange(1.0, 7.0).reshape(3, 2, 1)
+    plan = messages.slow_down(messages.plan_message(['a'], times, *states), 4.0)
+    ends = [each.time_from_start.sec + 1e-9 * each.time_from_start.nanosec for each in plan.points]
+    found = [(*each.positions, *each.velocities, *each.accelerations) for each in plan.points]
+    np.testing.assert_array_equal(ends, 4.0 * times)
+    np.testing.assert_array_equal(np.transpose(found)[..., None], states / [[[1]], [[4]], [[16]]])
+
+
 @given(STAMPS, VECTORS)
 def test_torques_arrive_as_they_were_sent(stamp: Time, tau: Array) -> None:
     names = [f'joint_{number}' for number in range(len(tau))]

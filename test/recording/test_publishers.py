@@ -53,6 +53,25 @@ def test_publishers_of_some_joints_each_are_merged(tmp_path: Path, clean: JointS
     assert samples.notes == ('joints of 2 publishers were merged in time',)
 
 
+def test_of_publishers_of_the_same_joints_one_with_efforts_is_taken(
+    tmp_path: Path, clean: JointSamples
+) -> None:
+    """Rather than one that has more messages, or velocities."""
+    torques = [replace(state, velocity=()) for state in moving(50)]
+    more: dict[str, Any] = {'names': (*NAMES, 'gripper'), 'position': (0.1, 0.2, 0.3)}
+    seen = [
+        replace(
+            state, **more, velocity=(0.1, 0.2, 0.3), effort=(), stamp_ns=state.stamp_ns + shift
+        )
+        for state in moving(50)
+        for shift in (3_000_000, 6_000_000)
+    ]
+    sent = sorted([*torques, *seen], key=lambda state: state.stamp_ns)
+    samples = read_bag(write_folder(tmp_path / 'bag', sent), BOTH)
+    np.testing.assert_array_equal(samples.effort, clean.effort)
+    assert samples.counts == {Reason.OTHER_PUBLISHER: 100}
+
+
 def test_topics_of_some_joints_each_are_merged(tmp_path: Path, clean: JointSamples) -> None:
     states = [
         of_one_joint(state, joint, topic=topic)
