@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
+import math
 from typing import Any
 
 from lip_id_ros.signals.joints import Refusal
@@ -23,6 +24,9 @@ LONGEST_CANCEL_S = 5.0
 A goal that was cancelled ends sooner, or never: joint_trajectory_controller 4.42.1 forgets one
 that is cancelled in the 50 ms after it was reached.
 """
+
+LONGEST_STEP_S = 0.2
+"""The watch looks more often, unless the node is held up."""
 
 ASK_AGAIN_S = 2.0
 """A result that has not come so long after its goal ended was lost: ask the controller again."""
@@ -129,6 +133,19 @@ def failed(error: Exception) -> Outcome:
     """Return the outcome of a goal at which an error of this node arose."""
     sentence = f'serve: failed with {type(error).__name__}: {error}; see its log.'
     return Outcome(Ending.ABORTED, ErrorCode.INVALID_GOAL, sentence)
+
+
+class WatchedTime:
+    """Seconds `now` that were watched: while the node stood still, answers waited in its queue."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self._last = math.inf
+
+    def advance(self, steady: float) -> None:
+        """Let the time go on to that of a steady clock; of a pause little counts."""
+        self.now += max(0.0, min(steady - self._last, LONGEST_STEP_S))
+        self._last = steady
 
 
 class Relayed:

@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 import time
 from typing import Any
 
-from action_msgs.msg import GoalStatus
-from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import GoalEvent
 from rclpy.serialization import deserialize_message, serialize_message
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.feedforward import goals
-from lip_id_ros.feedforward.goals import Ending, GoalCounts, Outcome, Relayed
-from lip_id_ros.feedforward.loading import LoadedModel
+from lip_id_ros.feedforward.goals import Ending, GoalCounts, Outcome
 from lip_id_ros.feedforward.server import Server
-from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.node import NodeBase
-from lip_id_ros.nodes.plans import accept, INTERRUPTED, is_slow, Planned, PlanWorker, submit
-from lip_id_ros.signals.joints import RefusedError
+from lip_id_ros.nodes.plans import Planned, Plans
+from lip_id_ros.nodes.relay import ControllerAction, goal_of_feedback, Relay
+from lip_id_ros.signals.joints import Refusal, RefusedError
 
 NAME = '~/follow_joint_trajectory'
 
@@ -33,14 +31,11 @@ A goal with more points is filled in a process beside the stream, as a long plan
 take 5 ms here, and there the way to the other process and back.
 """
 
+LOOK_S = 0.1
+"""A controller is looked for so often while it has goals: each look takes half a millisecond."""
+
 KEPT_S = 60
 """Results are kept for so long: every client asks for them when its goal is accepted."""
-
-ENDINGS = {
-    GoalStatus.STATUS_SUCCEEDED: Ending.SUCCEEDED,
-    GoalStatus.STATUS_CANCELED: Ending.CANCELED,
-    GoalStatus.STATUS_ABORTED: Ending.ABORTED,
-}
 
 
 class Goals:
@@ -51,18 +46,22 @@ class Goals:
     controller; ConfigError if its type is not installed.
     """
 
-    def __init__(self, node: NodeBase, server: Server, counts: GoalCounts, action: str) -> None:
-        self._node, self._server, self._counts = node, server, counts
+    def __init__(
+        self, node: NodeBase, server: Server, plans: Plans, counts: GoalCounts, action: str
+    ) -> None:
+        self._node, self._server, self._plans, self._counts = node, server, plans, counts
         self._kind = _action_type()
-        self._action: str = node.resolve_service_name(action)
-        self._relays: list[_Relay] = []
-        self._settings = ServeSettings()
-        self._worker: PlanWorker | None = None
-        self._waiting: deque[Any] = deque()  # handles; None for a goal that has ended meanwhile
+        # by the identity of the goal: those of the controller, and those filled beside the stream
+        self._relays: dict[bytes, Relay] = {}
+        self._look_at = 0.0
+        self._filled: dict[bytes, tuple[Any, Callable[[Planned], None]]] = {}
         calls = dict.fromkeys(
             [f'{name}_service_qos_profile' for name in ('goal', 'result', 'cancel')], qos.CALLS
         )
-        self._client = ActionClient(node, self._kind, self._action, **calls)
+        action = node.resolve_service_name(action)
+        self._action = ControllerAction(node, self._kind, action, self._on_feedback)
+        feedback = self._kind.Impl.FeedbackMessage
+        self._feedback = node.create_publisher(feedback, f'{NAME}/_action/feedback', qos.OUTPUT)
         self._offered = ActionServer(
             node,
             self._kind,
@@ -76,75 +75,43 @@ class Goals:
 
     def warnings(self) -> list[str]:
         """Describe what is missing for goals."""
-        if self._client.server_is_ready():
+        if self._action.servers():
             return []
-        return [f'no controller offers the action {self._action}']
-
-    @property
-    def n_waiting(self) -> int:
-        """How many goals are being filled beside the stream."""
-        return len(self._waiting)
-
-    def use(self, loaded: LoadedModel) -> None:
-        """Fill long goals by this model from now on."""
-        self._stop_worker()
-        self._worker = PlanWorker(loaded.file) if loaded.file is not None else None
-
-    def adjust(self, settings: ServeSettings) -> None:
-        """Fill long goals by these settings; those that wait are aborted."""
-        self._settings = settings
-        self._interrupt()
+        return [f'no controller offers the action {self._action.name}']
 
     def watch(self) -> None:
-        """Go on with goals that were filled or cancelled, or whose controller is missing."""
-        self._end_cancelled()
-        planned = self._worker.take() if self._worker else None
-        if planned is not None:
-            handle = self._waiting.popleft()
-            if handle is not None:
-                self._answered(handle, planned)
-        if not self._relays:
+        """Go on with goals that were cancelled, or whose controller is missing."""
+        for handle, _ in list(self._filled.values()):
+            if handle.is_cancel_requested:
+                self._abandon(handle, goals.cancelled_early())
+        self._action.time.advance(time.monotonic())
+        now = self._action.time.now
+        if not self._relays or now < self._look_at:
             return
-        now, servers = time.monotonic(), self._servers()
-        for relay in list(self._relays):
-            relay.watch(now, servers)
+        self._look_at, servers = now + LOOK_S, self._action.servers()
+        for relay in list(self._relays.values()):
+            relay.watch(servers)
 
     def release(self) -> None:
         """Have the controller cancel all goals, since nobody could through this node any more."""
-        for relay in list(self._relays):
+        for relay in list(self._relays.values()):
             relay.release()
-        waiting = [handle for handle in self._waiting if handle is not None]
-        self._waiting = deque([None] * len(self._waiting))  # their answers are still to come
-        for handle in waiting:
-            self._end(handle, goals.released())
+        for handle, _ in list(self._filled.values()):
+            self._abandon(handle, goals.released())
 
     def destroy(self) -> None:
         """Offer the action no more."""
         self.release()
-        self._stop_worker()
         self._offered.destroy()
-        self._client.destroy()
+        self._action.destroy()
+        self._node.destroy_publisher(self._feedback)
 
-    def _end_cancelled(self) -> None:
-        """End goals that nobody wants any more at once: their efforts may be long in coming."""
-        for place, handle in enumerate(self._waiting):
-            if handle is not None and handle.is_cancel_requested:
-                self._waiting[place] = None
-                self._end(handle, goals.cancelled_early())
-
-    def _stop_worker(self) -> None:
-        self._end_cancelled()
-        if self._worker is not None:
-            self._worker.stop()
-            self._worker = None
-        while self._waiting:
-            if (handle := self._waiting.popleft()) is not None:
-                self._answered(handle, INTERRUPTED)
-
-    def _servers(self) -> frozenset[bytes]:
-        topic = f'{self._action}/_action/status'
-        infos = self._node.get_publishers_info_by_topic(topic)
-        return frozenset(bytes(info.endpoint_gid) for info in infos)
+    def _abandon(self, handle: Any, outcome: Outcome) -> None:
+        """End a goal that is still being filled."""
+        _, answered = self._filled.pop(_identity(handle))
+        self._plans.abandon(answered)
+        self._server.counts.references.refuse(Refusal.INTERRUPTED)
+        self._end(handle, outcome)
 
     def _on_goal(self, handle: Any) -> None:
         self._counts.received += 1
@@ -154,19 +121,21 @@ class Goals:
                 handle.executing()
             plan = handle.request.trajectory
             count = len(plan.points)
-            if count > 1 and is_slow(count > MOST_INLINE, self._settings):
-                raw = serialize_message(plan)
-                submit(self._worker, self._server, raw, count, self._settings)
-                self._waiting.append(handle)
+            if count > 1 and self._plans.are_slow(count > MOST_INLINE):
+                answered = partial(self._answered, handle)
+                self._plans.submit(serialize_message(plan), count, answered)
+                self._filled[_identity(handle)] = handle, answered
                 return
             messages.filled(plan, self._server)
-            self._interrupt()
+            self._plans.interrupt()
             self._hand_on(handle)
 
     def _answered(self, handle: Any, planned: Planned) -> None:
         """Go on with a goal whose plan was filled beside the stream."""
+        if self._filled.pop(_identity(handle), None) is None:  # it has ended meanwhile
+            return
         with self._ending(handle):
-            raw = accept(planned, self._server)
+            raw = self._plans.accept(planned)
             handle.request.trajectory = deserialize_message(raw, JointTrajectory)
             self._hand_on(handle)
 
@@ -183,28 +152,26 @@ class Goals:
             self._end(handle, goals.failed(error))
 
     def _hand_on(self, handle: Any) -> None:
-        if self._client.server_is_ready():
-            self._relay(handle)
-        else:
-            self._end(handle, goals.without_controller(self._action))
-
-    def _interrupt(self) -> None:
-        if self._worker is not None:
-            self._worker.interrupt()
-
-    def _relay(self, handle: Any) -> None:
-        relay = _Relay(self._client, handle, self._action, self._servers(), self._finish)
-        self._relays.append(relay)
+        if not (servers := self._action.servers()):
+            self._end(handle, goals.without_controller(self._action.name))
+            return
+        relay = Relay(self._action, servers, handle, self._finish)
         relay.send()
+        self._relays[_identity(handle)] = relay
+        _forget_plan(handle)
+
+    def _on_feedback(self, raw: bytes) -> None:
+        if goal_of_feedback(raw) in self._relays:
+            self._feedback.publish(raw)
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
-        for relay in self._relays:
-            if relay.handle is handle:
-                relay.cancel()
+        relay = self._relays.get(_identity(handle))
+        if relay is not None:
+            relay.cancel()
         return CancelResponse.ACCEPT
 
-    def _finish(self, relay: _Relay, outcome: Outcome, result: Any) -> None:
-        self._relays.remove(relay)
+    def _finish(self, relay: Relay, outcome: Outcome, result: Any) -> None:
+        del self._relays[_identity(relay.handle)]
         self._end(relay.handle, outcome, result)
 
     def _end(self, handle: Any, outcome: Outcome, result: Any = None) -> None:
@@ -222,82 +189,8 @@ class Goals:
             handle.abort(result)
 
 
-class _Relay:
-    """One goal at the controller: `handle` is the client's, `finish` takes its end."""
-
-    def __init__(
-        self,
-        client: ActionClient,
-        handle: Any,
-        action: str,
-        servers: frozenset[bytes],
-        finish: Callable[[_Relay, Outcome, Any], None],
-    ) -> None:
-        self.handle = handle
-        self._client, self._action, self._servers = client, action, servers
-        self._finish = finish
-        self._state = Relayed(time.monotonic())
-        self._remote: Any = None  # the goal at the controller
-
-    def send(self) -> None:
-        answer = self._client.send_goal_async(
-            self.handle.request,
-            feedback_callback=self._on_feedback,
-            goal_uuid=self.handle.goal_id,
-        )
-        _forget_plan(self.handle)
-        answer.add_done_callback(self._on_answer)
-
-    def cancel(self) -> None:
-        if self._state.cancel(time.monotonic()):
-            self._remote.cancel_goal_async()
-
-    def release(self) -> None:
-        self.cancel()
-        self._end(goals.released())
-
-    def watch(self, now: float, servers: frozenset[bytes]) -> None:
-        if not self._servers & servers:
-            self._end(goals.lost(self._action, 'has ended'))
-        elif self._state.is_silent(now):
-            self._end(goals.lost(self._action, 'has not answered'))
-        elif self._state.is_forgotten(now):
-            self._end(goals.forgotten(self._action))
-        elif self._remote is not None:
-            over = self._remote.status in ENDINGS
-            if self._state.lacks_result(over, now):
-                self._ask_for_result()
-
-    def _on_answer(self, answer: Any) -> None:
-        self._remote = answer.result()
-        if not self._remote.accepted:
-            self._end(goals.rejected(self._action))
-            return
-        if self._state.accept(time.monotonic()):
-            self._remote.cancel_goal_async()
-        if self._state.outcome is None:
-            self._ask_for_result()
-
-    def _on_feedback(self, message: Any) -> None:
-        if self._state.outcome is None:
-            self.handle.publish_feedback(message.feedback)
-
-    def _ask_for_result(self) -> None:
-        self._remote.get_result_async().add_done_callback(self._on_result)
-
-    def _on_result(self, answered: Any) -> None:
-        status, result = answered.result().status, answered.result().result
-        if status in ENDINGS:
-            ending = ENDINGS[status]
-            self._end(Outcome(ending, result.error_code, result.error_string), result)
-        else:  # another controller of this name has never had the goal
-            self._end(goals.lost(self._action, 'has forgotten the goal'))
-
-    def _end(self, outcome: Outcome, result: Any = None) -> None:
-        if self._state.end(outcome):
-            # rclpy forgets it with a result only, which a goal that was rejected never has
-            self._client._feedback_callbacks.pop(bytes(self.handle.goal_id.uuid), None)
-            self._finish(self, outcome, result)
+def _identity(handle: Any) -> bytes:
+    return bytes(handle.goal_id.uuid)
 
 
 def _forget_plan(handle: Any) -> None:

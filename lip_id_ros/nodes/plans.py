@@ -12,13 +12,17 @@ the process has the model.
 from __future__ import annotations
 
 from collections import Counter, deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 import json
 import queue
+import signal
 import struct
 import subprocess
 import sys
 import threading
+from types import FrameType
 from typing import Any, BinaryIO, cast
 
 import numpy as np
@@ -26,7 +30,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.feedforward.loading import load_model, ModelFile
+from lip_id_ros.feedforward.loading import load_model, LoadedModel, ModelFile
 from lip_id_ros.feedforward.server import ServedArm, Server
 from lip_id_ros.feedforward.settings import Overload, ServeSettings
 from lip_id_ros.nodes import messages
@@ -39,6 +43,8 @@ LONGEST_ANSWER_S = 20.0
 """The longest plans take a second or two."""
 
 LENGTHS = struct.Struct('<II')
+ABANDON = signal.SIGUSR1
+"""Asks the process to end a computation: to start another one would take longer than all of it."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,8 @@ class PlanWorker:
         self._generation = 0
         self._n_waiting = 0
         self._process: subprocess.Popen[bytes] | None = None
+        self._is_computing = False
+        self._computes = threading.Lock()  # held where that changes
         self._stopped = False
         threading.Thread(target=self._work, name='plans', daemon=True).start()
 
@@ -89,8 +97,11 @@ class PlanWorker:
         self._waiting.put((self._generation, json.dumps(asdict(settings)).encode(), raw))
 
     def interrupt(self) -> None:
-        """Have no plan published that was submitted before."""
+        """Have no plan published that was submitted before, nor computed any further."""
         self._generation += 1
+        with self._computes:
+            if self._is_computing and self._process is not None:
+                self._process.send_signal(ABANDON)
 
     def take(self) -> Planned | None:
         """Return an answer that was not taken yet."""
@@ -123,13 +134,23 @@ class PlanWorker:
     def _answer(self, header: bytes, raw: bytes) -> Planned:
         try:
             process = self._process or self._start()
-            with deadline(process, LONGEST_ANSWER_S):
+            with deadline(process, LONGEST_ANSWER_S), self._computing():
                 _write(cast('BinaryIO', process.stdin), header, raw)
                 answer, planned = _read(cast('BinaryIO', process.stdout))
         except FAILURES:
             self._process = None
             return UNANSWERED
         return Planned(planned, **json.loads(answer))
+
+    @contextmanager
+    def _computing(self) -> Iterator[None]:
+        with self._computes:
+            self._is_computing = True
+        try:
+            yield
+        finally:
+            with self._computes:
+                self._is_computing = False
 
     def _start(self) -> subprocess.Popen[bytes]:
         if self._stopped:  # its file may be closed
@@ -149,32 +170,80 @@ class PlanWorker:
         return process
 
 
-def is_slow(is_long: bool, settings: ServeSettings) -> bool:
-    """Return whether to answer a plan takes so long that it is to be done beside the stream."""
-    return is_long or settings.overload_policy != Overload.CUT
+class Plans:
+    """
+    Plans and goals that are answered beside the stream, by the model that is served.
 
+    The newest counts: whatever is answered here or elsewhere later interrupts those before.
+    """
 
-def submit(
-    worker: PlanWorker | None, server: Server, raw: bytes, n_points: int, settings: ServeSettings
-) -> None:
-    """Have a plan answered beside the stream; RefusedError, counted, if it cannot be."""
-    with server.counts.references.refusing():
-        server.ready_arm()
-        if n_points > settings.max_plan_points:
-            raise RefusedError(Refusal.TOO_LONG)
-        if worker is None:
-            raise RefusedError(Refusal.INACTIVE)
-        worker.submit(raw, settings)
+    def __init__(self, server: Server) -> None:
+        self._server, self._settings = server, ServeSettings()
+        self._worker: PlanWorker | None = None
+        self._waiting: deque[Callable[[Planned], None]] = deque()
 
+    @property
+    def n_waiting(self) -> int:
+        """How many are being answered."""
+        return len(self._waiting)
 
-def accept(planned: Planned, server: Server) -> bytes:
-    """Count an answer; return the plan with efforts. RefusedError, counted, if there is none."""
-    with server.counts.references.refusing():
-        server.ready_arm()
-        if planned.refusal:
-            raise RefusedError(Refusal(planned.refusal))
-    server.planned_beside(planned.counts)
-    return planned.raw
+    def use(self, loaded: LoadedModel) -> None:
+        """Answer by this model from now on."""
+        self.stop()
+        self._worker = PlanWorker(loaded.file) if loaded.file is not None else None
+
+    def adjust(self, settings: ServeSettings) -> None:
+        """Answer by these settings from now on."""
+        self._settings = settings
+        self.interrupt()
+
+    def are_slow(self, are_long: bool) -> bool:
+        """Whether to answer takes so long that it is to be done beside the stream."""
+        return are_long or self._settings.overload_policy != Overload.CUT
+
+    def submit(self, raw: bytes, n_points: int, answered: Callable[[Planned], None]) -> None:
+        """Have a plan answered, for `accept`; RefusedError, counted, if it cannot be."""
+        with self._server.counts.references.refusing():
+            self._server.ready_arm()
+            if n_points > self._settings.max_plan_points:
+                raise RefusedError(Refusal.TOO_LONG)
+            if self._worker is None:
+                raise RefusedError(Refusal.INACTIVE)
+            self._worker.submit(raw, self._settings)
+        self._waiting.append(answered)
+
+    def accept(self, planned: Planned) -> bytes:
+        """Count an answer; return the plan with efforts. RefusedError, counted, if it is none."""
+        with self._server.counts.references.refusing():
+            if planned.refusal:
+                raise RefusedError(Refusal(planned.refusal))
+            self._server.ready_arm()
+        self._server.planned_beside(planned.counts)
+        return planned.raw
+
+    def interrupt(self) -> None:
+        """Answer none of those that wait."""
+        if self._worker is not None:
+            self._worker.interrupt()
+
+    def abandon(self, answered: Callable[[Planned], None]) -> None:
+        """Compute no further what nobody wants any more."""
+        if self._waiting and self._waiting[-1] == answered:
+            self.interrupt()
+
+    def watch(self) -> None:
+        """Hand back an answer that has come."""
+        planned = self._worker.take() if self._worker else None
+        if planned is not None:
+            self._waiting.popleft()(planned)
+
+    def stop(self) -> None:
+        """End the process; those that wait are interrupted."""
+        if self._worker is not None:
+            self._worker.stop()
+            self._worker = None
+        while self._waiting:
+            self._waiting.popleft()(INTERRUPTED)
 
 
 def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:
@@ -184,6 +253,7 @@ def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:
     `requests` has settings and a plan; `answers` first an empty frame, then refusal, counts and
     the plan with efforts.
     """
+    signal.signal(ABANDON, signal.SIG_IGN)
     loaded = load_model(ServeSettings(model_path=path, accept_unproven=True), ())
     _write(answers, b'', b'')
     while True:
@@ -195,13 +265,29 @@ def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:
         values = {key: _tuples(value) for key, value in json.loads(header).items()}
         rest = Sent(np.zeros(len(loaded.joint_names)))
         try:
-            arm = ServedArm(loaded, ServeSettings(**values), counts, rest)
-            planned, refusal = _with_effort(arm, raw), ''
+            with _abandoned():
+                arm = ServedArm(loaded, ServeSettings(**values), counts, rest)
+                planned, refusal = _with_effort(arm, raw), ''
         except RefusedError as refused:
             planned, refusal = b'', refused.reason.value
         except LipIdError:
             planned, refusal = b'', Refusal.INTERRUPTED.value
         _write(answers, json.dumps({'refusal': refusal, 'counts': counts}).encode(), planned)
+
+
+@contextmanager
+def _abandoned() -> Iterator[None]:
+    """End the block with RefusedError where the parent asks for that."""
+
+    def abandon(number: int, frame: FrameType | None) -> None:
+        signal.signal(ABANDON, signal.SIG_IGN)
+        raise RefusedError(Refusal.INTERRUPTED)
+
+    try:
+        signal.signal(ABANDON, abandon)
+        yield
+    finally:
+        signal.signal(ABANDON, signal.SIG_IGN)
 
 
 def _with_effort(arm: ServedArm, raw: bytes) -> bytes:

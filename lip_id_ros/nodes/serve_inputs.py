@@ -20,7 +20,7 @@ from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.goals import Goals
 from lip_id_ros.nodes.node import NodeBase
-from lip_id_ros.nodes.plans import accept, is_slow, Planned, PlanWorker, submit
+from lip_id_ros.nodes.plans import Planned, Plans
 from lip_id_ros.nodes.serve_outputs import (
     COMPONENT_TOPICS,
     MEASURED_TOPICS,
@@ -55,7 +55,7 @@ class Inputs:
         self._references = server.counts.references
         self._outputs = outputs
         self._optional: list[Any] = []
-        self._worker: PlanWorker | None = None
+        self._plans = Plans(server)
         self._goals: Goals | None = None
         self.goals = GoalCounts()
         self._settings = ServeSettings()
@@ -79,7 +79,7 @@ class Inputs:
             self._add(JointState, 'joint_states', self._on_joint_state)
         if settings.controller_action:
             action = settings.controller_action
-            self._goals = Goals(self._node, self._server, self.goals, action)
+            self._goals = Goals(self._node, self._server, self._plans, self.goals, action)
 
     def warnings(self) -> list[str]:
         """Describe a missing controller, and topics with several publishers unless allowed."""
@@ -94,33 +94,22 @@ class Inputs:
 
     def use(self, loaded: LoadedModel, settings: ServeSettings) -> None:
         """Answer plans beside the stream by this model from now on."""
-        self._stop_worker()
-        self._worker = PlanWorker(loaded.file) if loaded.file is not None else None
-        if self._goals is not None:
-            self._goals.use(loaded)
+        self._plans.use(loaded)
         self.adjust(settings)
 
     def adjust(self, settings: ServeSettings) -> None:
         """Answer plans by these settings."""
         self._settings = settings
-        self.interrupt_plans()
-        if self._goals is not None:
-            self._goals.adjust(settings)
-
-    def interrupt_plans(self) -> None:
-        """Publish no plan any more that is being answered."""
-        if self._worker is not None:
-            self._worker.interrupt()
+        self._plans.adjust(settings)
 
     @property
     def n_waiting(self) -> int:
         """How many plans and goals are being answered beside the stream."""
-        goals = self._goals.n_waiting if self._goals else 0
-        return goals + (self._worker.n_waiting if self._worker else 0)
+        return self._plans.n_waiting
 
     def clean_up(self) -> None:
         """Unsubscribe from what `configure` subscribed to."""
-        self._stop_worker()
+        self._plans.stop()
         for subscription in self._optional:
             self._node.destroy_subscription(subscription)
         self._optional.clear()
@@ -144,9 +133,7 @@ class Inputs:
         deviated = self._server.take_deviation()
         if deviated is not None:
             self._outputs.joints(STD_TOPIC, deviated.tag, deviated.std)
-        planned = self._worker.take() if self._worker else None
-        if planned is not None:
-            self._unless_refused(self._publish_planned, planned)
+        self._plans.watch()
 
     def _watch_publishers(self) -> None:
         """Output zero where there are several publishers that are not to be answered."""
@@ -159,7 +146,7 @@ class Inputs:
 
     def publish_zero(self) -> None:
         """Publish zero torque: whoever holds the last command then holds none."""
-        self.interrupt_plans()
+        self._plans.interrupt()
         if self._server.active and self._server.enabled:
             self._outputs.torque(self._now(), np.zeros(len(self._server.joint_names)))
 
@@ -189,9 +176,9 @@ class Inputs:
     def _answer(self, raw: bytes, age: float) -> None:
         if self._is_contradicted:
             self._refuse(Refusal.SEVERAL_PUBLISHERS)
-        slow = is_slow(len(raw) > INLINE_BYTES, self._settings)
+        slow = self._plans.are_slow(len(raw) > INLINE_BYTES)
         if slow and (count := self._count_points(raw)) > 1:
-            submit(self._worker, self._server, raw, count, self._settings)
+            self._plans.submit(raw, count, self._on_planned)
             return
         try:
             message = deserialize_message(raw, JointTrajectory)
@@ -200,7 +187,7 @@ class Inputs:
             raise RefusedError(Refusal.MALFORMED) from None
         if len(message.points) > 1:
             filled = messages.filled(message, self._server)
-            self.interrupt_plans()
+            self._plans.interrupt()
             self._outputs.plan(filled)
             self._note_lateness(messages.nanoseconds(message.header.stamp))
         else:
@@ -210,8 +197,11 @@ class Inputs:
         with self._references.refusing():
             return messages.count_points(raw)
 
+    def _on_planned(self, planned: Planned) -> None:
+        self._unless_refused(self._publish_planned, planned)
+
     def _publish_planned(self, planned: Planned) -> None:
-        raw = accept(planned, self._server)
+        raw = self._plans.accept(planned)
         self._outputs.raw_plan(raw)
         self._note_lateness(read_header(raw).stamp_ns)
 
@@ -225,12 +215,6 @@ class Inputs:
                 f'a plan came out {late:.1f} s after the stamp at which it begins; send plans '
                 'earlier, or leave their stamps zero',
             )
-
-    def _stop_worker(self) -> None:
-        if self._worker is not None:
-            for _ in range(self._worker.stop()):
-                self._references.refuse(Refusal.INTERRUPTED)
-            self._worker = None
 
     def _on_controller_state(self, message: Any, info: Info) -> None:
         # before Jazzy the reference was called desired

@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 import pytest
 
 from lip_id_ros.feedforward import goals
-from lip_id_ros.feedforward.goals import Ending, ErrorCode, GoalCounts, Outcome, Relayed
+from lip_id_ros.feedforward.goals import (
+    Ending,
+    ErrorCode,
+    GoalCounts,
+    Outcome,
+    Relayed,
+    WatchedTime,
+)
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 ACTION = '/arm_controller/follow_joint_trajectory'
@@ -70,6 +77,18 @@ def test_a_controller_that_does_not_answer_is_silent() -> None:
     assert relayed.is_silent(10.1 + goals.LONGEST_SILENCE_S)
     relayed.accept(1.0)
     assert not relayed.is_silent(100.0)
+
+
+def test_a_node_that_stood_still_does_not_take_its_controller_for_silent() -> None:
+    time = WatchedTime()
+    time.advance(100.0)
+    relayed = Relayed(time.now)
+    for steady in (160.0, 220.0, 220.1):  # the answer may have come in these pauses
+        time.advance(steady)
+    assert not relayed.is_silent(time.now)
+    assert time.now == pytest.approx(2 * goals.LONGEST_STEP_S + 0.1)
+    time.advance(0.0)  # no steady clock does that
+    assert time.now == pytest.approx(2 * goals.LONGEST_STEP_S + 0.1)
 
 
 def test_a_goal_that_was_cancelled_ends_even_if_the_controller_forgets_it() -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+from dataclasses import asdict
+import json
 from pathlib import Path
+import select
 import shutil
 import signal
 import subprocess
 import time
-from typing import Any, TYPE_CHECKING
+from typing import Any, BinaryIO, cast, TYPE_CHECKING
 
 import pytest
 
@@ -305,6 +308,26 @@ def test_a_newer_plan_or_a_change_interrupts_those_that_wait(model_path: str) ->
     wait_until(lambda: worker._done, 'a plan that is answered')
     worker.interrupt()  # answered, not published yet
     assert refusal(worker) == Refusal.INTERRUPTED
+    worker.stop()
+
+
+def test_what_is_interrupted_is_computed_no_further(model_path: str) -> None:
+    worker = PlanWorker(ModelFile(model_path))
+    settings = ServeSettings(overload_policy='slow', torque_limits=(1e3,))
+    worker.submit(serialize_message(plan(2)), settings)
+    assert refusal(worker) == ''
+    process = worker._process
+    assert process is not None
+    requests, answers = (cast('BinaryIO', each) for each in (process.stdin, process.stdout))
+    header = json.dumps(asdict(settings)).encode()
+    plans._write(requests, header, serialize_message(plan(10_000)))
+    while not select.select([answers], [], [], 0.001)[0]:
+        process.send_signal(plans.ABANDON)
+    answer, raw = plans._read(answers)
+    assert (json.loads(answer)['refusal'], raw) == (Refusal.INTERRUPTED, b'')
+    worker.submit(serialize_message(plan(2)), settings)
+    assert refusal(worker) == ''
+    assert worker._process is process
     worker.stop()
 
 

@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
+from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import deserialize_message, serialize_message
@@ -18,6 +19,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.nodes import messages
+from lip_id_ros.nodes.relay import goal_of_feedback, status_of
 from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.signals.joints import RefusedError
 from lip_id_ros.signals.status import Level, Status
@@ -105,3 +107,23 @@ def test_energies_have_a_stamp_and_those_that_are_not_known_are_left_out() -> No
     message = messages.energies_message(stamp, energies)
     assert message.header.stamp == stamp
     assert [(each.name, each.value) for each in message.statistics] == [('kinetic_energy', 1.5)]
+
+
+def test_the_status_of_a_goal_is_read_from_bytes() -> None:
+    control_msgs = pytest.importorskip('control_msgs.action')
+    rng = np.random.default_rng(0)
+    for n_goals in (0, 1, 2, 5):
+        infos = [GoalInfo(stamp=messages.stamp_at(10**18)) for _ in range(n_goals)]
+        for info in infos:
+            info.goal_id.uuid = rng.integers(0, 256, 16, dtype=np.uint8)
+        names = [info.goal_id for info in infos]
+        statuses = rng.integers(1, 7, n_goals).tolist()
+        message = GoalStatusArray()
+        for info, status in zip(infos, statuses, strict=True):
+            message.status_list.append(GoalStatus(goal_info=info, status=status))
+        raw = serialize_message(message)
+        assert [status_of(raw, bytes(name.uuid)) for name in names] == statuses
+        assert status_of(raw, bytes(16)) == GoalStatus.STATUS_UNKNOWN
+        feedback = control_msgs.FollowJointTrajectory.Impl.FeedbackMessage
+        for name in names:
+            assert goal_of_feedback(serialize_message(feedback(goal_id=name))) == bytes(name.uuid)

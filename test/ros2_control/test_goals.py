@@ -26,10 +26,12 @@ import psutil
 from rclpy.action import ActionClient
 from rclpy.serialization import serialize_message
 from ros2_control.arm import commanded, plan, served, times
+from ros2_control.test_plans import filled_by_serve
 from waiting import suspend
 
 from benchmarks._mock_controller import GAINS
 from lip_id_ros.feedforward.goals import ErrorCode
+from lip_id_ros.nodes import messages
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Process
@@ -251,12 +253,21 @@ def is_at(states: list[Any], end: list[float]) -> bool:
     return bool(states) and list(states[-1].reference.positions) == end
 
 
+def hear_until_now(control: Control, states: list[Any]) -> None:
+    """Wait until states have come that are younger than this call: they may be seconds late."""
+    now = control.client.node.get_clock().now().nanoseconds
+    control.client.wait_until(
+        lambda: states and messages.nanoseconds(states[-1].header.stamp) > now, 'states'
+    )
+
+
 def hold_little(
     control: Control, sender: Sender, states: list[Any], limits: Sequence[float]
 ) -> None:
     """Have the controller hold torques within limits: a plan begins with those before it."""
     assert sender.run(goal())[0] == 'succeeded'
-    control.client.wait_until(lambda: states and within(states[-1], limits), 'low torques')
+    hear_until_now(control, states)
+    control.client.wait_until(lambda: within(states[-1], limits), 'low torques')
     states.clear()
 
 
@@ -388,6 +399,42 @@ def test_a_goal_that_is_filled_holds_up_nothing_and_is_cancelled_at_once(
     assert (counted['canceled'], counted['succeeded'], counted['refused']) == (1, 1, {})
 
 
+def test_the_newest_of_plans_and_goals_counts(control: Control, sender: Sender) -> None:
+    control.use('arm')
+    with filling_stands_still(control):
+        handle = sender.send(goal((0.4, 0.1), seconds=60.0, n_points=500))
+        control.client.status('serve', lambda status: status['waiting'] == 1)
+        filled_by_serve(control, plan((0.1, 0.2)))
+    ending, result = sender.result(handle)
+    assert ending == 'aborted'
+    assert 'a newer plan came' in result.error_string
+
+
+def test_sigterm_ends_goals_that_are_executed_or_filled(
+    tmp_path: Path, model_path: str, parameters: Path
+) -> None:
+    with served(tmp_path, parameters, model_path) as control:
+        control.use('arm')
+        sender, serve = Sender(control), serve_process(control)
+        states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+        executed = sender.send(goal((1.0, 1.0), seconds=600.0))
+        control.client.wait_until(
+            lambda: states and states[-1].reference.velocities[0] > 0.0, 'motion'
+        )
+        (filling,) = serve.children('lip_id_ros.nodes.plans')
+        suspend(filling)
+        sender.send(goal((0.4, 0.1), seconds=60.0, n_points=500))
+        control.client.status('serve', lambda status: status['waiting'] == 1)
+        serve.send(signal.SIGTERM)
+        ending, result = sender.result(executed)
+        assert ending == 'aborted'
+        assert 'was deactivated or ended' in result.error_string
+        assert serve.wait() == 0
+        assert not filling.is_running()
+        control.client.wait_until(lambda: not any(states[-1].reference.velocities), 'standstill')
+        sender.destroy()
+
+
 def kill_manager(control: Control) -> None:
     control.process.send(signal.SIGKILL)
     control.process.wait()
@@ -477,5 +524,6 @@ def test_of_many_goals_none_is_lost_and_no_torque_is_beyond_its_limit(
     assert counted['succeeded'] == endings['succeeded']
     assert counted['canceled'] == endings['canceled']
     assert counted['aborted'] + sum(counted['refused'].values()) == endings['aborted']
+    hear_until_now(control, states)
     assert all(within(state, limited) for state in list(states))
     assert not all(within(state, np.multiply(limited, 0.9)) for state in list(states))
