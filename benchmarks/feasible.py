@@ -17,7 +17,7 @@ from lip_id_ros.export.arm import describe
 from lip_id_ros.export.formats import FORMATS
 from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.identification import fit
-from lip_id_ros.identification.left_out import bounded_solution
+from lip_id_ros.identification.left_out import bounded_solutions
 from lip_id_ros.identification.link_torques import link_prior_std, links_torque
 from lip_id_ros.identification.statistics import triangular
 from lip_id_ros.model import InverseDynamicsModel
@@ -115,12 +115,9 @@ def _weighted_rows(arm: ArmPosterior, data: Dataset) -> tuple[Array, Array]:
 
 def _least_squares(rows: Array, bounded: IndexArray) -> Array:
     """Return the parameters that fit best, of which some are not negative."""
-    size = rows.shape[1] - 1
-    order = np.append(np.setdiff1d(np.arange(size), bounded), bounded)
-    root = triangular(rows[:, np.append(order, size)])
-    found = np.empty(size)
-    found[order] = bounded_solution(root, size - bounded.size)
-    return found
+    normal, is_bounded = rows.T @ rows, np.zeros(rows.shape[1] - 1, dtype=np.bool_)
+    is_bounded[bounded] = True
+    return bounded_solutions(normal[:-1, :-1], normal[:-1, -1], is_bounded)
 
 
 def _features(arm: ArmPosterior, data: Dataset) -> Array:

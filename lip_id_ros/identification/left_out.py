@@ -2,17 +2,17 @@
 Prediction of left-out blocks by torque models that are linear in parameters, some not negative.
 
 Blocks, since residuals are correlated in time (Roberts and others, Ecography 2017), by statistics:
-a fit without a block costs one small Cholesky factorisation.
+a fit without a block costs one small Cholesky factorisation. Fits with one more group of
+parameters each are solved together.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import lapack
-from scipy.optimize import nnls
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.identification.statistics import TorqueStatistics
@@ -37,6 +37,15 @@ LEAST_ERRORS = 2.0
 
 NOTHING_MORE = [np.empty(0, dtype=np.intp)]
 """One empty group of parameters."""
+
+TRIES, MOST_EXCHANGES = 3, 200
+"""Exchanges in a row that may leave as many parameters wrong, and exchanges at most."""
+
+ROUNDING = 1e-12
+"""Share of its terms below which a slope is none."""
+
+JITTER = 1e-10
+"""Share of itself by which the diagonal is raised where a matrix is singular."""
 
 
 @dataclass(frozen=True)
@@ -103,15 +112,16 @@ class LeftOutBlocks:
         lower: Array,
         torque_std: Array,
     ) -> None:
-        self.prior_std, self._free = prior_std, np.isneginf(lower)
+        self.prior_std, self.is_free = prior_std, np.isneginf(lower)
         self._torque_std = np.where(torque_std > 0.0, torque_std, 1.0)
-        self._parts = [_Part.of(each, prior_std.size) for each in blocks]
-        count = len(blocks)
-        self._schemes = [
-            [list(range(k, min(k + size, count))) for k in range(0, count, size)]
-            for size in LEFT_OUT_TOGETHER
-            if count > size
-        ]
+        self.counts = np.array([each.counts for each in blocks])
+        self.joints = []
+        for joint, column in enumerate(blocks[0].columns):
+            rows = np.array([each.factors[joint] for each in blocks])
+            products = rows.transpose(0, 2, 1) @ rows
+            self.joints.append(_Joint(np.append(column, prior_std.size), rows, products))
+        sizes = [size for size in LEFT_OUT_TOGETHER if len(blocks) > size]
+        self._schemes = [np.arange(0, len(blocks), size) for size in sizes]
 
     def fit(self, selected: IndexArray, noise_std: Array) -> LeftOutFit:
         """Fit the selected parameters, with given noise per joint (n,)."""
@@ -120,7 +130,7 @@ class LeftOutBlocks:
 
     def noise(self, selected: IndexArray) -> Array:
         """Estimate the noise of every joint by the root mean square of left-out residuals."""
-        fits = self._fits(selected, NOTHING_MORE)
+        fits = _Fits(self, selected, NOTHING_MORE)
         noise = INITIAL_NOISE * self._torque_std
         for _ in range(NOISE_ROUNDS):
             (squares,) = fits.mean_squares(self._schemes[0], noise)
@@ -131,17 +141,13 @@ class LeftOutBlocks:
         self, selected: IndexArray, groups: Sequence[IndexArray], noise_std: Array
     ) -> list[LeftOutFit]:
         """Return the fits with one more group of parameters each."""
-        fits = self._fits(selected, groups)
+        fits = _Fits(self, selected, groups)
         parts = fits.normal_equations(noise_std)
-        every = fits.placed(fits.solutions(np.sum(parts, axis=0)))
-        found = [fits.left_out(scheme, parts) for scheme in self._schemes]
-        thetas = [fits.placed(theta) for theta in found[0][0]]
+        every = fits.placed(fits.solutions(parts.sum(axis=0, keepdims=True))[0])
+        found = [fits.left_out(first, parts) for first in self._schemes]
+        thetas = fits.placed(found[0][0])
         return [
-            LeftOutFit(
-                every[g],
-                tuple(theta[g] for theta in thetas),
-                tuple(squares[:, g] for _, squares in found),
-            )
+            LeftOutFit(every[g], tuple(thetas[:, g]), tuple(squares[:, g] for _, squares in found))
             for g in range(len(groups))
         ]
 
@@ -149,176 +155,166 @@ class LeftOutBlocks:
         self, selected: IndexArray, groups: Sequence[IndexArray], noise_std: Array
     ) -> Array:
         """Return the decrease of the logarithms of mean squares, nothing left out, (groups,)."""
-        fits = self._fits(selected, [*NOTHING_MORE, *groups])
-        thetas = fits.solutions(np.sum(fits.normal_equations(noise_std), axis=0))
-        logs = np.log(np.maximum(fits.squares(range(len(self._parts)), thetas), 1e-300))
+        fits = _Fits(self, selected, [*NOTHING_MORE, *groups])
+        whole = fits.normal_equations(noise_std).sum(axis=0, keepdims=True)
+        (squares,) = fits.squares(np.zeros(1, dtype=np.intp), fits.solutions(whole))
+        logs = np.log(np.maximum(squares, 1e-300))
         return np.asarray(logs[0].sum() - logs[1:].sum(axis=1))
 
     def mean_squares(
         self, selected: IndexArray, groups: Sequence[IndexArray], noise_std: Array
     ) -> Array:
         """Return `LeftOutFit.mean_squares` with one more group of parameters each, (groups, n)."""
-        return self._fits(selected, groups).mean_squares(self._schemes[0], noise_std)
+        return _Fits(self, selected, groups).mean_squares(self._schemes[0], noise_std)
 
-    def _fits(self, selected: IndexArray, groups: Sequence[IndexArray]) -> _Fits:
-        return _Fits(self._parts, self.prior_std, self._free, selected, groups)
+
+@dataclass(frozen=True, eq=False)
+class _Joint:
+    """Statistics of the K blocks of one joint."""
+
+    columns: IndexArray  # (c,), parameters, and the number of all of them for tau
+    rows: Array  # (K, c, c), factors of [F, tau]
+    products: Array  # (K, c, c), of normal equations
 
 
 class _Fits:
     """
     Fits of the selected parameters with each of some groups, on statistics of these alone.
 
-    Parameters and normal equations are of the Q parameters that any of the fits has.
+    They have Q parameters together: first those without bounds that all have, then the rest.
+    Schemes are given by the first blocks of their sets.
     """
 
     def __init__(
-        self,
-        parts: Sequence[_Part],
-        prior_std: Array,
-        free: BoolArray,
-        selected: IndexArray,
-        groups: Sequence[IndexArray],
+        self, blocks: LeftOutBlocks, selected: IndexArray, groups: Sequence[IndexArray]
     ) -> None:
-        self._all, self._used = prior_std.size, np.unique(np.concatenate([selected, *groups]))
-        self._prior_std, self._free = prior_std[self._used], free[self._used]
-        self._parts = [part.among(self._used) for part in parts]
-        self._selected = np.searchsorted(self._used, selected)
-        self._groups = [np.searchsorted(self._used, group) for group in groups]
+        is_free, self._counts = blocks.is_free, blocks.counts
+        shared, bounded = selected[is_free[selected]], selected[~is_free[selected]]
+        rest = np.setdiff1d(np.concatenate([bounded, *groups]), shared)
+        self._used, self._all = np.concatenate([shared, rest]), is_free.size
+        self._precision, self._n_shared = blocks.prior_std[self._used] ** -2.0, shared.size
+        # numbers in the rest of what each fit has; where it has fewer, of one that changes nothing
+        own = [np.searchsorted(rest, np.append(bounded, group)) for group in groups]
+        self._own = np.full((len(own), max(each.size for each in own)), rest.size)
+        for row, each in zip(self._own, own, strict=True):
+            row[: each.size] = each
+        self._is_bounded = np.append(~is_free[rest], False)[self._own]
+        self._lay_out(blocks.joints)
+
+    def _lay_out(self, joints: Sequence[_Joint]) -> None:
+        """Lay out the rows and normal equations of all joints with the parameters in use."""
+        size, n_blocks = self._used.size + 1, len(self._counts)
+        local = np.full(self._all + 1, -1)
+        local[self._used], local[-1] = np.arange(size - 1), size - 1
+        self._rows = []
+        self._products = np.zeros((len(joints), n_blocks, size, size))
+        for joint, products in zip(joints, self._products, strict=True):
+            at = np.flatnonzero(local[joint.columns] >= 0)
+            to = local[joint.columns[at]]
+            self._rows.append((to, joint.rows[:, :, at]))
+            products[:, to[:, None], to] = joint.products[:, at[:, None], at]
 
     def placed(self, thetas: Array) -> Array:
-        """Return parameters (groups, Q) among all of them, shape (groups, P)."""
-        out = np.zeros((len(thetas), self._all))
-        out[:, self._used] = thetas
+        """Return parameters (..., Q) among all of them, shape (..., P)."""
+        out = np.zeros((*thetas.shape[:-1], self._all))
+        out[..., self._used] = thetas
         return out
 
     def normal_equations(self, noise_std: Array) -> Array:
         """Return [F, tau]^T [F, tau] of every block in units of the noise, (K, Q + 1, Q + 1)."""
-        return np.array([part.normal_equations(noise_std) for part in self._parts])
+        flat = self._products.reshape(len(noise_std), -1)
+        return np.asarray((noise_std**-2.0 @ flat).reshape(self._products.shape[1:]))
 
-    def left_out(self, scheme: list[list[int]], parts: Array) -> tuple[list[Array], Array]:
+    def left_out(self, first: IndexArray, parts: Array) -> tuple[Array, Array]:
         """Return parameters without each set of blocks, and mean squares (sets, groups, n)."""
-        whole = parts.sum(axis=0)
-        thetas = [self.solutions(whole - parts[out].sum(axis=0)) for out in scheme]
-        counts = [np.sum([self._parts[k].counts for k in out], axis=0) for out in scheme]
-        sums = [self.squares(out, theta) for out, theta in zip(scheme, thetas, strict=True)]
-        return thetas, np.asarray(np.array(sums) / np.mean(counts, axis=0))
+        thetas = self.solutions(parts.sum(axis=0) - np.add.reduceat(parts, first))
+        counts = np.add.reduceat(self._counts, first)
+        return thetas, np.asarray(self.squares(first, thetas) / counts.mean(axis=0))
 
-    def mean_squares(self, scheme: list[list[int]], noise_std: Array) -> Array:
+    def mean_squares(self, first: IndexArray, noise_std: Array) -> Array:
         """Return mean squared errors over the sets of blocks that are left out, (groups, n)."""
-        _, squares = self.left_out(scheme, self.normal_equations(noise_std))
+        _, squares = self.left_out(first, self.normal_equations(noise_std))
         return np.asarray(squares.mean(axis=0))
 
-    def squares(self, blocks: Iterable[int], thetas: Array) -> Array:
-        """Return sums of squared residuals of some blocks, shape (groups, n)."""
-        return np.asarray(np.sum([self._parts[k].squares(thetas) for k in blocks], axis=0))
+    def squares(self, first: IndexArray, thetas: Array) -> Array:
+        """Return sums of squared residuals of sets, with parameters of their own, as above."""
+        sizes = np.diff(np.append(first, len(self._counts)))
+        signed = np.concatenate([thetas, np.full((*thetas.shape[:-1], 1), -1.0)], axis=-1)
+        signed = np.repeat(signed, sizes, axis=0)
+        blocks = [
+            np.sum((signed[..., columns] @ rows.transpose(0, 2, 1)) ** 2, axis=-1)
+            for columns, rows in self._rows
+        ]
+        return np.asarray(np.add.reduceat(np.stack(blocks, axis=-1), first))
 
     def solutions(self, normal: Array) -> Array:
-        """Return the parameters with each group beside the selected ones, (groups, Q)."""
-        selected = self._selected
-        free = selected[self._free[selected]]
-        bounded = selected[~self._free[selected]]
-        rest = np.setdiff1d(np.arange(self._prior_std.size), free)
-        reduced = _Reduced(normal, self._prior_std, free, rest)
-        out = np.zeros((len(self._groups), self._prior_std.size))
-        for theta, group in zip(out, self._groups, strict=True):
-            own = self._free[group]
-            more = np.concatenate([group[own], bounded, group[~own]])
-            reduced.solve_into(theta, more, int(own.sum()))
-        return out
-
-
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """One block of samples, with some of the parameters."""
-
-    counts: Array  # (n,)
-    rows: list[Array]  # (rows of a joint, columns + 1), factors of [F, tau]
-    products: list[Array]  # (columns + 1, columns + 1), of normal equations
-    columns: list[IndexArray]  # parameters of the columns, and `size` for tau
-    size: int  # number of parameters
-
-    @classmethod
-    def of(cls, statistics: TorqueStatistics, size: int) -> _Part:
-        """Return a block with all parameters."""
-        rows = list(statistics.factors)
-        columns = [np.append(each, size) for each in statistics.columns]
-        return cls(statistics.counts, rows, [each.T @ each for each in rows], columns, size)
-
-    def among(self, used: IndexArray) -> _Part:
-        """Return the block with some parameters, given by their sorted numbers."""
-        local = np.full(self.size + 1, -1)
-        local[used], local[-1] = np.arange(used.size), used.size
-        rows, products, columns = [], [], []
-        for row, product, column in zip(self.rows, self.products, self.columns, strict=True):
-            at = np.flatnonzero(local[column] >= 0)
-            rows.append(row[:, at])
-            products.append(product[at[:, None], at])
-            columns.append(local[column[at]])
-        return _Part(self.counts, rows, products, columns, used.size)
-
-    def normal_equations(self, noise_std: Array) -> Array:
-        """Return those of all joints in units of the noise, (size + 1, size + 1)."""
-        out = np.zeros((self.size + 1, self.size + 1))
-        for column, product, std in zip(self.columns, self.products, noise_std, strict=True):
-            out[column[:, None], column] += product / std**2
-        return out
-
-    def squares(self, thetas: Array) -> Array:
-        """Return sums of squared residuals of every joint, for parameters (g, size), (g, n)."""
-        signed = np.column_stack([thetas, np.full(len(thetas), -1.0)])
-        residuals = [
-            signed[:, column] @ rows.T
-            for column, rows in zip(self.columns, self.rows, strict=True)
+        """Return parameters with each group for normal equations of sets, (sets, groups, Q)."""
+        f, own = self._n_shared, self._own
+        shared = normal[:, :f, :f] + np.diag(self._precision[:f])
+        factors = [normal_factor(each) for each in shared]
+        half = np.array(
+            [
+                lapack.dtrtrs(factor, each[:f, f:], lower=1)[0]
+                for factor, each in zip(factors, normal, strict=True)
+            ]
+        )
+        system = normal[:, f:, f:] - half.transpose(0, 2, 1) @ half
+        system += np.diag(np.append(self._precision[f:], 0.0))
+        right = system[:, :, -1].copy()
+        # the place of the torque is now that of what changes nothing
+        system[:, -1] = system[:, :, -1] = right[:, -1] = 0.0
+        among = system[:, own[:, :, None], own[:, None, :]]
+        among += (own == len(system[0]) - 1)[:, :, None] * np.eye(own.shape[1])
+        rest = np.zeros((len(normal), len(own), len(system[0])))
+        found = bounded_solutions(
+            among, right[:, own], np.broadcast_to(self._is_bounded, among.shape[:-1])
+        )
+        np.put_along_axis(rest, np.broadcast_to(own, found.shape), found, axis=2)
+        rest[..., -1] = -1.0
+        first = [
+            lapack.dtrtrs(factor, each @ -more.T, lower=1, trans=1)[0].T
+            for factor, each, more in zip(factors, half, rest, strict=True)
         ]
-        return np.column_stack([np.sum(each**2, axis=1) for each in residuals])
+        return np.concatenate([np.array(first), rest[..., :-1]], axis=2)
 
 
-class _Reduced:
-    """Normal equations from which the free parameters that all fits share are eliminated."""
-
-    def __init__(
-        self, normal: Array, prior_std: Array, free: IndexArray, rest: IndexArray
-    ) -> None:
-        self._free, self._rest = free, rest
-        at = np.append(rest, len(normal) - 1)
-        shared = normal[free[:, None], free]
-        shared.flat[:: len(shared) + 1] += prior_std[free] ** -2.0
-        self._factor = normal_factor(shared)
-        self._half, _ = lapack.dtrtrs(self._factor, normal[free[:, None], at], lower=1)
-        self._system = normal[at[:, None], at] - self._half.T @ self._half
-        diagonal = np.arange(rest.size)
-        self._system[diagonal, diagonal] += prior_std[rest] ** -2.0
-
-    def solve_into(self, theta: Array, more: IndexArray, n_free: int) -> None:
-        """Set the parameters (P,) of the fit with some of the rest, the free ones first."""
-        at = np.searchsorted(self._rest, more)
-        x = np.zeros(0)
-        if more.size:
-            lower = normal_factor(self._system[at[:, None], at])
-            root = np.empty((at.size, at.size + 1))
-            root[:, :-1] = lower.T
-            root[:, -1], _ = lapack.dtrtrs(lower, self._system[at, -1], lower=1)
-            x = bounded_solution(root, n_free)
-        theta[more] = x
-        rest = self._half[:, -1] - self._half[:, at] @ x
-        theta[self._free], _ = lapack.dtrtrs(self._factor, rest, lower=1, trans=1)
-
-
-def bounded_solution(root: Array, n_free: int) -> Array:
+def bounded_solutions(normal: Array, right: Array, bounded: BoolArray) -> Array:
     """
-    Least squares where the parameters after the first `n_free` ones are not negative, shape (p,).
+    Solve normal equations (..., p, p) where parameters that are `bounded` are not negative.
 
-    The first ones are eliminated by the triangular form of [features, torque], p columns of full
-    rank and one; the others are solved for by the algorithm of Lawson and Hanson, 1974.
+    In all problems at once, by block principal pivoting (Portugal, Judice and Vicente, A
+    comparison of block pivoting and interior-point algorithms for linear least squares problems
+    with nonnegative variables, 1994).
     """
-    f, p = n_free, root.shape[1] - 1
-    x = np.zeros(0)
-    if p:
-        x, _ = lapack.dtrtrs(root[:p, :p].T, root[:p, p], lower=1, trans=1)
-    if (x[f:] >= 0.0).all():
-        return x
-    x[f:], _ = nnls(root[f:p, f:p], root[f:p, p])
-    if f:
-        right = root[:f, p] - root[:f, f:p] @ x[f:]
-        x[:f], _ = lapack.dtrtrs(root[:f, :f].T, right, lower=1, trans=1)
+    size, x = right.shape[-1], np.empty(right.shape)
+    flat = normal.reshape(-1, size, size), right.reshape(-1, size), bounded.reshape(-1, size)
+    try:
+        _pivot(x.reshape(-1, size), *flat)
+    except np.linalg.LinAlgError:
+        _pivot(x.reshape(-1, size), flat[0] * (1.0 + JITTER * np.eye(size)), *flat[1:])
     return x
+
+
+def _pivot(out: Array, normal: Array, right: Array, bounded: BoolArray) -> None:
+    count, size = right.shape
+    numbers, positive = np.arange(count), np.ones((count, size), dtype=np.bool_)
+    fewest, left = np.full(count, size + 1), np.full(count, TRIES)
+    for _ in range(MOST_EXCHANGES):
+        among = positive[:, :, None] & positive[:, None, :]
+        matrix, other = np.where(among, normal, np.eye(size)), np.where(positive, right, 0.0)
+        x = np.linalg.solve(matrix, other[..., None])[..., 0]
+        out[numbers] = x
+        scale = np.sqrt(np.einsum('kii->ki', normal))
+        terms = scale * np.sum(scale * np.abs(x), axis=1, keepdims=True) + np.abs(right)
+        slope = (normal @ x[..., None])[..., 0] - right
+        wrong = bounded & np.where(positive, x < 0.0, slope < -ROUNDING * terms)
+        n_wrong = wrong.sum(axis=1)
+        if not (again := np.flatnonzero(n_wrong)).size:
+            return
+        left = np.where(n_wrong < fewest, TRIES, left - 1)
+        fewest = np.minimum(fewest, n_wrong)
+        last = size - 1 - np.argmax(wrong[:, ::-1], axis=1)  # alone, it leads to the end
+        positive ^= wrong & ((left >= 0)[:, None] | (np.arange(size) == last[:, None]))
+        numbers, positive = numbers[again], positive[again]
+        fewest, left = fewest[again], left[again]
+        normal, right, bounded = normal[again], right[again], bounded[again]

@@ -9,12 +9,8 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.identification.left_out import bounded_solution, Gain, LeftOutBlocks
-from lip_id_ros.identification.statistics import (
-    contiguous_blocks,
-    TorqueStatistics,
-    triangular,
-)
+from lip_id_ros.identification.left_out import bounded_solutions, Gain, LeftOutBlocks
+from lip_id_ros.identification.statistics import contiguous_blocks, TorqueStatistics
 
 N, P = 240, 7
 COLUMNS = (np.array([0, 1, 2, 3, 4]), np.array([1, 2, 5, 6]))
@@ -129,11 +125,19 @@ def test_a_gain_must_be_larger_than_chance() -> None:
     assert not sure((now, 0.5 * now), (now[::2], 1.1 * now[::2]))  # in one scheme of folds
 
 
-@given(seed=st.integers(0, 1000), n_free=st.integers(0, 4))
-def test_bounded_least_squares(seed: int, n_free: int) -> None:
+@given(seed=st.integers(0, 1000), size=st.integers(1, 12))
+def test_bounded_least_squares(seed: int, size: int) -> None:
     rng = np.random.default_rng(seed)
-    a, b = rng.standard_normal((12, 5)), rng.standard_normal(12)
-    got = bounded_solution(triangular(np.column_stack([a, b])), n_free)
-    lower = np.where(np.arange(5) < n_free, -np.inf, 0.0)
-    expected = lsq_linear(a, b, (lower, np.inf), tol=1e-14, method='bvls').x
-    np.testing.assert_allclose(got, expected, atol=1e-8)
+    a, b = rng.standard_normal((4, 20, size)), rng.standard_normal((4, 20, 1))
+    bounded = rng.uniform(size=(4, size)) < 0.7
+    columns = a.transpose(0, 2, 1)
+    got = bounded_solutions(columns @ a, (columns @ b)[..., 0], bounded)
+    for matrix, right, mask, found in zip(a, b[..., 0], bounded, got, strict=True):
+        lower = np.where(mask, 0.0, -np.inf)
+        expected = lsq_linear(matrix, right, (lower, np.inf), tol=1e-14, method='bvls').x
+        np.testing.assert_allclose(found, expected, atol=1e-8)
+
+
+def test_bounded_least_squares_of_what_is_there_twice() -> None:
+    found = bounded_solutions(np.ones((2, 2)), np.array([1.0, 1.0]), np.array([True, False]))
+    np.testing.assert_allclose(found.sum(), 1.0, rtol=1e-6)
