@@ -1,6 +1,8 @@
-"""Standard deviations of the torques of an arm, compiled."""
+"""Standard deviations of the torques and energies of an arm, compiled."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -8,9 +10,14 @@ from lip_id_ros.arrays import Array, IndexArray, IntArray
 from lip_id_ros.friction.compiled import CompiledFriction, set_features, set_load_slopes
 from lip_id_ros.model.arm_mean import pack, unpack_friction
 from lip_id_ros.model.arm_posterior import ArmPosterior
-from lip_id_ros.numba_jit import in_threads, jit
-from lip_id_ros.rigid_body import LINK_PARAMETERS
-from lip_id_ros.rigid_body.regressor import torque_regressor
+from lip_id_ros.numba_jit import in_threads, jit, jit_inlined
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
+from lip_id_ros.rigid_body.regressor import (
+    kinetic_regressor,
+    potential_regressor,
+    torque_regressor,
+)
 from lip_id_ros.rigid_body.rnea import unpack_links
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
 
@@ -20,12 +27,13 @@ FEW, CHUNK = 20, 2000
 
 class ArmDeviation:
     """
-    Posterior standard deviations of torques: norms of Jacobian times root of the covariance.
+    Posterior standard deviations: norms of Jacobian times root of the covariance.
 
-    Construction lays the posterior out; nothing is checked after that.
+    Construction lays the posterior out; nothing is checked after that. `reference`, shape (n,):
+    positions at which the potential energy is zero and certain.
     """
 
-    def __init__(self, arm: ArmPosterior) -> None:
+    def __init__(self, arm: ArmPosterior, reference: Array) -> None:
         self._used = np.flatnonzero(arm.covariance_root.any(axis=1))
         self._root = np.ascontiguousarray(arm.covariance_root[self._used])
         reversed_rows = self._root[:, ::-1] != 0.0
@@ -36,6 +44,8 @@ class ArmDeviation:
             np.flatnonzero(friction.basis.is_loaded),
             friction.coefficients,
         )
+        at = np.ascontiguousarray(reference[None])
+        self._reference = energy_jacobian(arm.chain, arm.links, at, np.zeros_like(at))[0, 1]
 
     def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return standard deviations of the noiseless torques, (N, n) [N m or N]."""
@@ -49,6 +59,21 @@ class ArmDeviation:
             spread = self._jacobian(q[rows], dq[rows], ddq[rows]) @ self._root
             out[rows] = np.sqrt(np.einsum('tik,tik->ti', spread, spread))
         return out
+
+    def energy_std(self, q: Array, dq: Array) -> tuple[Array, Array]:
+        """Return standard deviations of both energies at (N, n) positions, velocities, (N,)."""
+        q, dq = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq))
+        out = np.empty((len(q), 2))
+        of_links = self._used[: np.searchsorted(self._used, self._reference.size)]
+
+        def evaluate(rows: slice) -> None:
+            state, arm = (q[rows], dq[rows]), self._packed[:2]
+            energy_spread(
+                out[rows], *state, *arm, self._reference, of_links, self._root, self._ends
+            )
+
+        in_threads(evaluate, len(q))
+        return out[:, 0], out[:, 1]
 
     def _jacobian(self, q: Array, dq: Array, ddq: Array) -> Array:
         out = np.empty((*q.shape, self._used.size))
@@ -135,13 +160,62 @@ def spread_by_rows(
     spread = np.empty(root.shape[1])
     for t in range(len(out)):
         for i in range(out.shape[1]):
-            spread[:] = 0.0
-            for k in range(len(used)):
-                by = jacobian[t, i, k]
-                if by != 0.0:
-                    for c in range(ends[k]):
-                        spread[c] += by * root[k, c]
-            total = 0.0
-            for c in range(len(spread)):
-                total += spread[c] * spread[c]
-            out[t, i] = np.sqrt(total)
+            out[t, i] = _spread(spread, jacobian[t, i], root, ends)
+
+
+@jit_inlined
+def _spread(work: Array, row: Array, root: Array, ends: IndexArray) -> float:
+    work[:] = 0.0
+    for k in range(len(row)):
+        by = row[k]
+        if by != 0.0:
+            for c in range(ends[k]):
+                work[c] += by * root[k, c]
+    total = 0.0
+    for c in range(len(work)):
+        total += work[c] * work[c]
+    return math.sqrt(total)
+
+
+@jit
+def energy_jacobian(chain: Chain, links: Array, q: Array, dq: Array) -> Array:
+    """Differentiate both energies by placements, then by link parameters, (N, 2, 17 n) [J]."""
+    count, n = q.shape
+    first = DIRECTIONS * n
+    out = np.empty((count, 2, first + LINK_PARAMETERS * n))
+    kinetic, potential = energy_derivatives(chain, links, q, dq)
+    out[:, 0, :first], out[:, 0, first:] = (
+        kinetic.reshape(count, first),
+        kinetic_regressor(chain, q, dq),
+    )
+    out[:, 1, :first], out[:, 1, first:] = (
+        potential.reshape(count, first),
+        potential_regressor(chain, q),
+    )
+    return out
+
+
+@jit
+def energy_spread(
+    out: Array,
+    q: Array,
+    dq: Array,
+    floats: Array,
+    integers: IntArray,
+    reference: Array,
+    used: IndexArray,
+    root: Array,
+    ends: IndexArray,
+) -> None:
+    """
+    Set `out`, shape (N, 2), to the deviations of both energies, root and ends as above.
+
+    From the Jacobian of the potential energy that at its reference, shape (17 n,), is subtracted.
+    """
+    chain, links = unpack_links(floats[: integers[1]], integers[4 : 4 + integers[0]])
+    jacobian = energy_jacobian(chain, links, q, dq)
+    spread = np.empty(root.shape[1])
+    for t in range(len(q)):
+        jacobian[t, 1] -= reference
+        for energy in range(2):
+            out[t, energy] = _spread(spread, jacobian[t, energy][used], root, ends)

@@ -12,12 +12,7 @@ from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.rigid_body import Chain
-from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
-from lip_id_ros.rigid_body.regressor import (
-    kinetic_regressor,
-    potential_regressor,
-    torque_regressor,
-)
+from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
 
 MOST_CHANGE = 5e-4
@@ -89,27 +84,6 @@ class ArmPosterior:
         spread = self.jacobian_of_coordinates(q, dq, ddq) @ self.covariance_root
         variance: Array = np.sum(spread**2, axis=2)
         return np.sqrt(variance)
-
-    def energy_std(self, q: Array, dq: Array, reference: Array) -> tuple[Array, Array]:
-        """
-        Return standard deviations of both energies.
-
-        `q`, `dq`, shape (N, n). `reference`, shape (n,): positions at which the potential energy
-        is zero and certain. The result has shape (N,) [J].
-        """
-        kinetic, potential = self._energy_jacobians(*_contiguous(q, dq))
-        at = _contiguous(reference[None])[0]
-        potential = potential - self._energy_jacobians(at, np.zeros_like(at))[1]
-        first = self.covariance_root[: kinetic.shape[1]]
-        return np.linalg.norm(kinetic @ first, axis=1), np.linalg.norm(potential @ first, axis=1)
-
-    def _energy_jacobians(self, q: Array, dq: Array) -> tuple[Array, Array]:
-        """Differentiate T and V by placements and link parameters, shapes (N, 17 n) [J]."""
-        kinetic, potential = energy_derivatives(self.chain, self.links, q, dq)
-        return (
-            np.hstack([kinetic.reshape(len(q), -1), kinetic_regressor(self.chain, q, dq)]),
-            np.hstack([potential.reshape(len(q), -1), potential_regressor(self.chain, q)]),
-        )
 
     def measurement_std(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return standard deviations of measured torques, shape (N, n) [N m or N]."""

@@ -291,7 +291,7 @@ class InverseDynamicsModel:
         else:
             tau = self.torque_std(states[0], states[1], states[2], t, rows)
             noise = self._known_arm.noise.std_at(rate)
-            kinetic, potential = self._known_arm.energy_std(at, rate, self.potential_reference)
+            kinetic, potential = self._arm_deviation.energy_std(at, rate)
         known = potential if self.has_potential else None
         return StandardDeviation(tau, np.hypot(tau, noise), kinetic, known)
 
@@ -420,7 +420,7 @@ class InverseDynamicsModel:
 
     @cached_property
     def _arm_deviation(self) -> ArmDeviation:
-        return ArmDeviation(self._known_arm)
+        return ArmDeviation(self._known_arm, self.potential_reference)
 
     @cached_property
     def _residual_gp_deviation(self) -> ResidualGPDeviation:
