@@ -182,8 +182,9 @@ def in_threads(work: Callable[[slice], None], count: int, few: int = FEW) -> Non
 
     No more than `few` of them do not pay for a second thread.
     """
-    n_threads = os.cpu_count() or 1
-    if count <= few or n_threads == 1:
+    # the number of cores is a question to the system, which takes as long as a few states
+    n_threads = 1 if count <= few else os.cpu_count() or 1
+    if n_threads == 1:
         work(slice(0, count))
         return
     ends = np.linspace(0, count, n_threads + 1).astype(int).tolist()

@@ -91,12 +91,13 @@ def _model(args: argparse.Namespace, console: Console) -> dict[str, Any]:
 
 
 def _recording(args: argparse.Namespace, console: Console) -> dict[str, Any]:
-    from lip_id_ros.cli import models, output, show
+    from lip_id_ros.cli import output, show
     from lip_id_ros.evaluation.recording_health import RecordingHealth
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.preprocessing import describe
+    from lip_id_ros.settings import Config, read_config
 
-    recording = models.chosen_config(args.config, {}).recording
+    recording = (read_config(args.config) if args.config else Config()).recording
     health = RecordingHealth(recording, keep_samples=args.report is not None)
     lines: list[str] = []
     with output.progress_display() as progress:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from rich.console import Console
 from rich.text import Text
@@ -12,10 +12,7 @@ from rich.text import Text
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.escaping import printable
-from lip_id_ros.evaluation import Evaluation
-from lip_id_ros.evaluation.cautions import finding_lines
-from lip_id_ros.evaluation.recording_health import health_table
-from lip_id_ros.evaluation.speed import Speed
+from lip_id_ros.evaluation.recording_health import finding_lines, health_table
 from lip_id_ros.evaluation.tables import (
     error_table,
     notes,
@@ -24,13 +21,13 @@ from lip_id_ros.evaluation.tables import (
     show_lines,
     Table,
 )
-from lip_id_ros.export.arm import residual_gp_of
-from lip_id_ros.export.friction_table import Coefficient, friction_table, HEADER
-from lip_id_ros.export.kinematics import model_kinematics, UNIDENTIFIED
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
-from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.rigid_body.couplings import coupling_texts
 from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
+
+if TYPE_CHECKING:  # recordings are described without models
+    from lip_id_ros.evaluation import Evaluation
+    from lip_id_ros.evaluation.speed import Speed
+    from lip_id_ros.model import InverseDynamicsModel
 
 UNSEEN = (
     'Only data that the model has not seen show how good it is: fit with --holdout, or evaluate '
@@ -96,6 +93,9 @@ def _with_units(values: Array, units: Sequence[str]) -> list[str]:
 
 
 def _show_links(model: InverseDynamicsModel, console: Console) -> None:
+    from lip_id_ros.export.arm import residual_gp_of
+    from lip_id_ros.export.kinematics import model_kinematics, UNIDENTIFIED
+
     kinematics = model_kinematics(model)
     assert kinematics is not None, 'the model has links'
     title = f'Denavit-Hartenberg: {kinematics.transform}'
@@ -113,18 +113,18 @@ def _residual_gp_joints(model: InverseDynamicsModel) -> list[str]:
     return [name for name, has in pairs if has]
 
 
-def _couplings(model: InverseDynamicsModel) -> list[str]:
-    return [] if model.arm is None else coupling_texts(model.arm.chain, model.joint_names)
-
-
 def described_model(model: InverseDynamicsModel) -> dict[str, Any]:
     """Return the description of a model, as JSON."""
+    from lip_id_ros.export.friction_table import friction_table
+    from lip_id_ros.export.kinematics import model_kinematics
+    from lip_id_ros.rigid_body.couplings import coupling_texts
+
     links = {}
-    if (kinematics := model_kinematics(model)) is not None:
+    if model.arm is not None and (kinematics := model_kinematics(model)) is not None:
         links = {
             'remainder': _residual_gp_joints(model),
             KINEMATICS: kinematics.to_json(),
-            COUPLED: _couplings(model),
+            COUPLED: coupling_texts(model.arm.chain, model.joint_names),
             FRICTION: [each._asdict() for each in friction_table(model)],
         }
     return {
@@ -144,6 +144,8 @@ def inspected_model(
     model: InverseDynamicsModel, description: Mapping[str, Any], console: Console
 ) -> None:
     """Show the description of a model, and what its fit found as tables."""
+    from lip_id_ros.export.friction_table import Coefficient, HEADER
+
     fit = {name: value for name, value in description['fit'].items() if name not in IN_OTHER_WORDS}
     hidden = dict.fromkeys((KINEMATICS, FRICTION, LEFT_OUT, 'remainder', COUPLED))
     described({**description, **hidden, 'fit': fit}, console)

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from lip_id_ros.dataset.provenance import COPIES, FINDINGS, N_NOTES, SELECTED
 from lip_id_ros.errors import ModelError
 from lip_id_ros.evaluation.metrics import Evaluation
+from lip_id_ros.evaluation.recording_health import finding_lines, listed
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.proof import has_held_out, known_errors, missing_proof, useless_on
 from lip_id_ros.rigid_body.couplings import coupling_texts
 from lip_id_ros.settings import PreprocessingSettings
-
-MOST_LINES = 2
-"""Findings of one kind that are written out; of more, the first is."""
 
 SHORT, ENOUGH_S = 'short', 60.0
 """Length of all recordings together from which the length of each one is no concern [s]."""
 
 MOST_EPISODES = 6
 """Times in one sentence, at most."""
-
-MOST_NAMES = 12
-"""Recordings of a group in one sentence, at most."""
 
 MOSTLY_NEW, LITTLE_S = 0.5, 20.0
 """A motion repeats itself below this share of new motion, and shows little below that time [s]."""
@@ -101,7 +96,7 @@ def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> 
             'friction or the scale of efforts had changed: fit them apart.'
         )
     if groups := summary.get('contradicting_recordings'):
-        these, others = (_listed(each) for each in groups)
+        these, others = (listed(each) for each in groups)
         texts.append(
             f'{these} and {others} contradict each other, as if another load were at the last '
             'link: fit them apart.'
@@ -136,11 +131,6 @@ def _repetition(summary: Mapping[str, Any]) -> list[str]:
         f'The motion repeats itself: only {new:.2g} of {every:.3g} s are new, and errors on other '
         'motions may be much larger; record other motions too, not the same one for longer.'
     ]
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f' and {len(names) - MOST_NAMES} more' * (len(names) > MOST_NAMES)
-    return f'{", ".join(names[:MOST_NAMES])}{more}'
 
 
 def _disturbances(joint_names: Sequence[str], episodes: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -192,34 +182,6 @@ def _findings(provenance: Mapping[str, Any]) -> list[str]:
 def _seconds(source: Mapping[str, Any]) -> float:
     rate = source.get('rate_hz', 0.0)
     return float(source.get('samples', 0) / rate) if rate else 0.0
-
-
-def finding_lines(findings: Iterable[Mapping[str, Any]]) -> list[str]:
-    """
-    Return a line for each finding, with its recording where it has one.
-
-    Of more than two with one code the first is written out, then the other joints, and recordings.
-    """
-    kinds: dict[str, list[Mapping[str, Any]]] = {}
-    for finding in findings:
-        kinds.setdefault(finding['code'], []).append(finding)
-    return [line for alike in kinds.values() for line in _alike(alike)]
-
-
-def _alike(alike: Sequence[Mapping[str, Any]]) -> list[str]:
-    texts = [f'{each["severity"]} {each["code"]}: {each["text"]}' for each in alike]
-    sources = list(dict.fromkeys(each['source'] for each in alike if 'source' in each))
-    if len(texts) <= MOST_LINES:
-        where = [f' In {each["source"]}.' if sources else '' for each in alike]
-        return [text + place for text, place in zip(texts, where, strict=True)]
-    joints = dict.fromkeys(each['joint'] for each in alike)
-    others = [joint for joint in joints if joint != alike[0]['joint']]
-    more = [f'Likewise {", ".join(others)}.'] if others else []
-    if sources:
-        more.append(f'In {_listed(sources)}.')
-    elif len(joints) < len(alike):
-        more.append(f'In all recordings: {len(alike)} times.')
-    return [' '.join([texts[0], *more])]
 
 
 def _selections(provenance: Mapping[str, Any]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -21,6 +21,12 @@ COLUMNS = {
 TITLE = 'Motion [rad or m, s], and how much of each effort a regression on it explains'
 UNKNOWN_UNITS = dict.fromkeys(POSITION_UNITS, 'rad or m')
 """Units of positions where the types of the joints are not known."""
+
+MOST_LINES = 2
+"""Findings of one kind that are written out; of more, the first is."""
+
+MOST_NAMES = 12
+"""Recordings of a group in one sentence, at most."""
 
 
 class RecordingHealth:
@@ -91,3 +97,37 @@ def _text(name: str, value: float | None) -> str:
     if value is None:
         return '-'
     return f'{100 * value:.3g} %' if name == 'effort_explained' else f'{value:.3g}'
+
+
+def finding_lines(findings: Iterable[Mapping[str, Any]]) -> list[str]:
+    """
+    Return a line for each finding, with its recording where it has one.
+
+    Of more than two with one code the first is written out, then the other joints, and recordings.
+    """
+    kinds: dict[str, list[Mapping[str, Any]]] = {}
+    for finding in findings:
+        kinds.setdefault(finding['code'], []).append(finding)
+    return [line for alike in kinds.values() for line in _alike(alike)]
+
+
+def _alike(alike: Sequence[Mapping[str, Any]]) -> list[str]:
+    texts = [f'{each["severity"]} {each["code"]}: {each["text"]}' for each in alike]
+    sources = list(dict.fromkeys(each['source'] for each in alike if 'source' in each))
+    if len(texts) <= MOST_LINES:
+        where = [f' In {each["source"]}.' if sources else '' for each in alike]
+        return [text + place for text, place in zip(texts, where, strict=True)]
+    joints = dict.fromkeys(each['joint'] for each in alike)
+    others = [joint for joint in joints if joint != alike[0]['joint']]
+    more = [f'Likewise {", ".join(others)}.'] if others else []
+    if sources:
+        more.append(f'In {listed(sources)}.')
+    elif len(joints) < len(alike):
+        more.append(f'In all recordings: {len(alike)} times.')
+    return [' '.join([texts[0], *more])]
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names in one phrase: the first ones, and how many more there are."""
+    more = f' and {len(names) - MOST_NAMES} more' * (len(names) > MOST_NAMES)
+    return f'{", ".join(names[:MOST_NAMES])}{more}'

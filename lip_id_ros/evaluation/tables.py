@@ -13,11 +13,10 @@ import rich.table
 from rich.text import Text
 
 from lip_id_ros.escaping import printable
-from lip_id_ros.evaluation.metrics import Evaluation, NEAR_REST
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
-from lip_id_ros.model.known_states import novelty_in_words
 
 if TYPE_CHECKING:
+    from lip_id_ros.evaluation.metrics import Evaluation
     from lip_id_ros.evaluation.rollout import Rollouts
 
 LEAST_PERCENT = 0.0001
@@ -114,6 +113,9 @@ def rollout_tables(
 
 def notes(evaluation: Evaluation) -> list[str]:
     """Return the reference of the errors, and whether the inertia matrix is positive definite."""
+    from lip_id_ros.evaluation.metrics import NEAR_REST
+    from lip_id_ros.model.known_states import novelty_in_words
+
     against = 'true torques of the simulation' if evaluation.against_truth else 'measured torques'
     texts = [
         f'{evaluation.n_samples} samples, compared with the {against}; '

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import norm, t
+from scipy.special import ndtr, stdtrit
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
@@ -179,7 +179,7 @@ def _following(around: Linearisation, solution: Solution, some: Dataset) -> Arra
 
 def widening(count: int) -> float:
     """Return the factor of a deviation between so many recordings or parts, so that two cover."""
-    return float(0.5 * t.ppf(norm.cdf(2.0), count - 1)) if count > 1 else 1.0
+    return float(0.5 * stdtrit(count - 1, ndtr(2.0))) if count > 1 else 1.0
 
 
 def table_deviations(total: Total, solution: Solution, known: Known) -> DenavitHartenberg:

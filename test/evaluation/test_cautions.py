@@ -24,7 +24,8 @@ from lip_id_ros.evaluation import (
     run,
     score,
 )
-from lip_id_ros.evaluation.cautions import finding_lines, summary_cautions
+from lip_id_ros.evaluation.cautions import summary_cautions
+from lip_id_ros.evaluation.recording_health import finding_lines
 from lip_id_ros.evaluation.report import Labels, write_report
 from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
