@@ -65,6 +65,13 @@ SAME_GAIN = 1e-6
 """Difference of gains that rounding may make."""
 
 
+TIE_ERRORS = 1.0
+"""
+Standard errors by which a term has to predict better than one of the same drive that is earlier on
+the list, as it is more usual: else chance decides, and a rounding error changes the fit.
+"""
+
+
 class Offer(NamedTuple):
     """Terms on offer beside viscous and Coulomb friction and offsets."""
 
@@ -336,8 +343,17 @@ class _Ballot:
             [_gain(now, fit, self._offers[index]) for index, fit in zip(rest, fits, strict=True)]
         )
         most = gains.max(initial=0.0)
+        if most == 0.0:
+            return None
         # A term at its bound changes nothing but by rounding: those with fewer terms go first.
-        return rest[int(np.argmax(gains > most - SAME_GAIN))] if most > 0.0 else None
+        best = int(np.argmax(gains > most - SAME_GAIN))
+        drive = self._offers[rest[best]].terms[0].drive
+        for index, gain, fit in zip(rest[:best], gains, fits, strict=False):
+            if gain > 0.0 and self._offers[index].terms[0].drive == drive:
+                more = fit.gain(fits[best])
+                if more.mean <= TIE_ERRORS * more.error:
+                    return index
+        return rest[best]
 
     def idle(self, taken: list[int]) -> int | None:
         """Return the candidate without which nothing is lost for sure, if there is one."""

@@ -22,6 +22,7 @@ from lip_id_ros.identification.kinematic_calibration import (
 )
 from lip_id_ros.progress import Progress
 from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body.near_frames import with_near_frames
 
 LENGTH = 1.0 / 3.0
 """About how long links are [m]: for starts and priors, which need no more than that."""
@@ -99,7 +100,16 @@ def refine(samples: Samples, few: int, found: Calibration) -> Calibration:
         minima, noise_std = _refined(few_of(samples, few), minima, noise_std, floor, pool)
         # Few samples may order nearly equal minima wrongly.
         minima, noise_std = _refined(samples, minima[:FINALISTS], noise_std, floor, pool)
+    # what follows depends on the frames of links, of which torques say nothing
+    problem = PlacementProblem(samples, noise_std)
+    minima = [_in_near_frames(problem, each) for each in minima]
     return replace(found, placements=minima[0], candidates=tuple(minima), noise_std=noise_std)
+
+
+def _in_near_frames(problem: PlacementProblem, found: Placements) -> Placements:
+    """Return the same arm, or its mirror image, in frames that are near each other."""
+    chain = with_near_frames(found.chain)
+    return problem.at(chain.rotations, chain.translations)
 
 
 def calibration_at(chain: Chain, samples: Samples) -> Calibration:

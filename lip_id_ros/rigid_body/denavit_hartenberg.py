@@ -71,21 +71,35 @@ def with_standard_frames(chain: Chain, parameters: Array) -> tuple[Chain, Array]
     The base is turned so that gravity points down its z axis, and its origin lies in that of the
     first link, since torques do not depend on the turn of the base about gravity and on its place.
     The axis of a prismatic joint is a direction only: it is put through the frame before. Of an
-    arm and its mirror image, which have the same torques, the one is taken whose first axis points
-    up.
+    arm and its mirror image, which have the same torques, one is taken (`handedness`).
     """
     old = poses(chain)
     base, new = _standard_poses(chain, old)
-    moved = _chain(chain, base, new)
+    moved = chain_of(chain, base, new)
     if moved.translations[:, 0].sum() < -COINCIDENT:  # all x axes may point the other way
         base.axes[:, :2] *= -1.0
         new.axes[:, :, :2] *= -1.0
-        moved = _chain(chain, base, new)
+        moved = chain_of(chain, base, new)
     turns = old.axes.transpose(0, 2, 1) @ new.axes
     shifts = np.einsum('iba,ib->ia', old.axes, new.origin - old.origin)
     links = in_other_frames(parameters, turns, shifts)
-    first_axis = moved.rotations[0, 2, 2]
-    return (moved, links) if first_axis > -PARALLEL else mirrored(moved, links)
+    image = mirrored(moved, links)
+    return (moved, links) if handedness(moved, image[0]) > 0.0 else image
+
+
+def handedness(chain: Chain, image: Chain) -> float:
+    """
+    Return what has another sign in the mirror image of an arm; 1 if nothing has.
+
+    The height of the first axis, or else the first number of the chain that is not near zero.
+    """
+    own, other = (
+        np.concatenate([x.rotations[0, 2:, 2], x.rotations.ravel(), x.translations.ravel()])
+        for x in (chain, image)
+    )
+    differ = np.where(np.abs(own + other) < 1e-9, np.abs(own), 0.0)
+    first = int(np.argmax(differ > min(PARALLEL, 0.5 * differ.max())))
+    return float(own[first]) if differ[first] > 0.0 else 1.0
 
 
 def mirrored(chain: Chain, parameters: Array) -> tuple[Chain, Array]:
@@ -166,7 +180,7 @@ def poses(chain: Chain) -> Pose:
     return Pose(axes, origins)
 
 
-def _chain(old: Chain, base: Pose, links: Pose) -> Chain:
+def chain_of(old: Chain, base: Pose, links: Pose) -> Chain:
     """Return the chain whose frames are at given poses in the old base."""
     axes = np.concatenate([base.axes[None], links.axes])
     origins = np.concatenate([base.origin[None], links.origin])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -25,16 +26,23 @@ from benchmarks._drives import (
     WIDTH,
 )
 from benchmarks.selections import LINK_STD, PLAIN
-from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.terms import Coulomb
-from lip_id_ros.identification.friction_selection import select_friction, SelectedFriction
+from lip_id_ros.friction.drives import Drive, DriveTerm
+from lip_id_ros.friction.terms import Coulomb, LoadCoulomb, LoadViscous
+from lip_id_ros.identification.friction_candidates import Candidate
+from lip_id_ros.identification.friction_selection import (
+    _Ballot,
+    select_friction,
+    SelectedFriction,
+)
 from lip_id_ros.identification.friction_shapes import (
     FIRST,
     LAST,
     resolved_harmonics,
     strongest_harmonic,
 )
+from lip_id_ros.identification.left_out import LeftOutFit
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples
 
@@ -280,3 +288,41 @@ def test_features_that_depend_on_each_other(features: Array) -> None:
     q = sweep(2.0, 500)
     rows = np.column_stack([features, np.ones_like(q)])
     assert strongest_harmonic(q, np.sin(20.0 * q), rows, np.arange(FIRST, 40)) == 20
+
+
+class Known:
+    """Left-out errors of what is taken, and of every candidate beside it."""
+
+    def __init__(self, *squares: Array) -> None:
+        self._fits = [LeftOutFit(np.zeros(1), (), (each,)) for each in squares]
+
+    def noise(self, _: IndexArray) -> Array:
+        return np.ones(1)
+
+    def fit(self, *_: Array) -> LeftOutFit:
+        return LeftOutFit(np.zeros(1), (), (np.ones((8, 1)),))
+
+    def explained(self, _: IndexArray, groups: list[IndexArray], *__: Array) -> Array:
+        return np.full(len(groups), 1e3)
+
+    def with_each(self, *_: Any) -> list[LeftOutFit]:
+        return self._fits
+
+
+@pytest.mark.parametrize(
+    ('better', 'other_joint', 'chosen'), [(0.01, 0, 0), (0.2, 0, 1), (0.01, 1, 1)]
+)
+def test_of_terms_that_predict_equally_well_the_usual_one_is_taken(
+    better: float, other_joint: int, chosen: int
+) -> None:
+    """Unless another is better by more than chance, or is of another joint."""
+    usual = 0.5 + 0.1 * np.array([[1.0, -1.0] * 4]).T
+    chance = 0.05 * np.array([[1.0, 1.0, -1.0, -1.0] * 2]).T
+    offers = [
+        Candidate((DriveTerm(Drive.of_joint(joint), term),))
+        for joint, term in ((0, LoadCoulomb(0.1)), (other_joint, LoadViscous()))
+    ]
+    groups = [np.array([1]), np.array([2])]
+    blocks = Known(usual, usual - better + chance)
+    ballot = _Ballot(blocks, np.array([0]), groups, offers)  # type: ignore[arg-type]
+    assert ballot.best_addition([], range(2)) == chosen

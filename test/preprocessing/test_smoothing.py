@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 import numpy as np
 from preprocessing.motions import relative_error, Sinusoids, uniform
 import pytest
-from scipy import signal
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.preprocessing.smoothing import (
@@ -72,19 +71,6 @@ def test_low_pass_is_the_same_backward() -> None:
     np.testing.assert_allclose(
         forward[3 * edge : -3 * edge], backward[3 * edge : -3 * edge], atol=1e-4
     )
-
-
-@given(st.integers(5, 300), st.floats(0.001, 0.49), st.sampled_from([(), (3,)]))
-def test_filters_are_those_of_scipy(size: int, share: float, columns: tuple[int, ...]) -> None:
-    # which takes half a second to import
-    values = np.random.default_rng(size).standard_normal((size, *columns)).cumsum(axis=0)
-    sections = signal.butter(4, share, fs=1.0, output='sos')
-    padding = min(size - 1, round(1.0 / share))
-    expected = signal.sosfiltfilt(sections, values, axis=0, padlen=padding)
-    got = low_pass(values, 100.0, 100.0 * share)
-    np.testing.assert_allclose(got, expected, atol=1e-8 * np.abs(values).max())
-    slope = signal.savgol_filter(values, 5, 4, deriv=1, delta=0.01, axis=0)
-    np.testing.assert_allclose(derivative(values, 100.0), slope, atol=1e-9 * np.abs(slope).max())
 
 
 @given(st.lists(st.floats(-10, 10), min_size=5, max_size=5), st.floats(1.0, 1000.0))
