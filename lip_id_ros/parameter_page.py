@@ -11,6 +11,7 @@ import json
 import sys
 
 from lip_id_ros.acquisition.settings import train_parameters
+from lip_id_ros.adaptation.live import AdaptSettings
 from lip_id_ros.control.settings import ControlSettings
 from lip_id_ros.demo.settings import ArmSettings, ReferenceSettings
 from lip_id_ros.feedforward.settings import ServeSettings
@@ -24,7 +25,7 @@ INTRODUCTION = f"""\
 # Parameters of the nodes
 
 The nodes declare and check their parameters by the settings tables in `lip_id_ros/acquisition`,
-`feedforward`, `monitoring`, `control` and `demo`, and those of a fit.
+`feedforward`, `monitoring`, `adaptation`, `control` and `demo`, and those of a fit.
 `{COMMAND}` writes this page from them.
 
 - Start from [train.yaml](../../config/train.yaml) and [serve.yaml](../../config/serve.yaml), which
@@ -66,6 +67,7 @@ def node_parameters() -> dict[str, dict[str, Row]]:
     others = {
         'serve': ServeSettings,
         'monitor': MonitorSettings,
+        'adapt': AdaptSettings,
         'computed_torque': ControlSettings,
         'simulated_arm': ArmSettings,
         'reference': ReferenceSettings,

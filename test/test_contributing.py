@@ -9,10 +9,12 @@ import re
 import tomllib
 from typing import Any
 
+from adaptation.arms import known_model
 from nodes import toy
 import pytest
 
 from lip_id_ros.acquisition.recorder import Recorder
+from lip_id_ros.adaptation.live import AdaptSettings, LiveAdaptation
 from lip_id_ros.control.plan_controller import PlanController
 from lip_id_ros.control.settings import ControlSettings
 from lip_id_ros.feedforward.server import Server
@@ -79,10 +81,17 @@ def of_controller(_: pytest.TempPathFactory) -> Mapping[str, Any]:
     return PlanController(settings).status().values
 
 
+def of_adapt(factory: pytest.TempPathFactory) -> Mapping[str, Any]:
+    path = factory.mktemp('adapt') / 'arm.npz'
+    known_model().save(path)
+    return LiveAdaptation(AdaptSettings(model_path=str(path), state_path=''), 0.0).values()
+
+
 STATUSES: Mapping[str, Callable[[pytest.TempPathFactory], Mapping[str, Any]]] = {
     'serve': lambda _: Server().values(),
     'train': lambda _: Recorder((), 1).status(),
     'monitor': of_monitor,
+    'adapt': of_adapt,
     'computed_torque': of_controller,
 }
 

@@ -94,12 +94,12 @@ PARTS = {
     },
     'adaptation': {
         *('dataset', 'evaluation', 'export', 'friction', 'identification', 'model'),
-        'rigid_body',
+        *('recording', 'rigid_body', 'settings', 'signals'),
     },
     'signals': {'model', 'recording'},
     'control': {'model', 'recording', 'settings', 'signals'},
-    'monitoring': {'model', 'recording', 'settings', 'signals'},
-    'feedforward': {'model', 'recording', 'settings', 'signals'},
+    'monitoring': {'adaptation', 'model', 'recording', 'settings', 'signals'},
+    'feedforward': {'adaptation', 'model', 'recording', 'settings', 'signals'},
     'simulation': {'control', 'dataset', 'evaluation', 'recording', 'rigid_body'},
 }
 # These may import every part above; nobody imports them, but for the exceptions named here.
@@ -110,7 +110,10 @@ PARTS |= {
     'nodes': INNER - {'simulation'} | {'acquisition'},
     'cli': INNER,
     'demo': {'dataset', 'nodes', 'recording', 'settings', 'signals', 'simulation'},
-    'parameter_page': {'acquisition', 'control', 'demo', 'feedforward', 'monitoring', 'settings'},
+    'parameter_page': {
+        *('acquisition', 'adaptation', 'control', 'demo', 'feedforward', 'monitoring'),
+        'settings',
+    },
 }
 
 ROS = ('nodes', 'demo')

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lip_id_ros.adaptation.followed import FollowedArm, WalkSettings
-from lip_id_ros.adaptation.kalman import DISTURBED, follow, LEARNED
+from lip_id_ros.adaptation.kalman import (
+    DISTURBED,
+    follow,
+    LEARNED,
+    let_walk,
+    RESTING,
+    SETTLING,
+)
 from lip_id_ros.adaptation.payloads import (
     BODY,
+    known_payload,
     LONGEST_S,
     Payload,
     payload_of,
     PayloadEvent,
     PayloadWatch,
 )
-from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.arrays import Array, BoolArray, IntArray
 from lip_id_ros.errors import DataError, ShapeError
 from lip_id_ros.friction.dahl import begins_of_times, dahl_states, LONGEST_GAP_S, Steps
 from lip_id_ros.joint_history import DISPLACEMENTS, JointHistory
@@ -61,17 +69,22 @@ class Followed:
     What the filter expected of N samples before it learned from them.
 
     `tau`, `std`, shape (N, n): predicted torques, and deviations of measured torques about them
-    [N m or N]. `frozen`, shape (N, n): torques of the fit, which learns nothing. `learned`,
-    `trusted`, shape (N,): where a sample was learned from, and where what had been learned until
-    then was trusted.
+    [N m or N]. `frozen`, shape (N, n): torques of the fit, which learns nothing. `outcome`,
+    `trusted`, shape (N,): what became of a sample (`LEARNED` and others), and where what had been
+    learned until then was trusted.
 
     """
 
     tau: Array
     std: Array
     frozen: Array
-    learned: BoolArray
+    outcome: IntArray
     trusted: BoolArray
+
+    @property
+    def learned(self) -> BoolArray:
+        """Where a sample was learned from, shape (N,)."""
+        return np.asarray(self.outcome == LEARNED)
 
     @property
     def served(self) -> Array:
@@ -130,6 +143,88 @@ class Adaptation:
         self._settling, self._body = False, np.zeros(BODY)
         self._watch.clear()
 
+    def reset(self) -> None:
+        """Forget what was learned and all payloads: the arm is as it was commissioned."""
+        self.arm.carry(np.zeros(BODY))
+        self._begin(self._walk.variance)
+        self.payload = None
+
+    def state(self) -> dict[str, Array]:
+        """Return what was learned, for `resume`."""
+        found = np.zeros(0) if self.payload is None else self.payload.to_array()
+        return {
+            'numbers': self.numbers,
+            'covariance': self.covariance,
+            'announced': self._announced,
+            'payload': found,
+        }
+
+    def resume(self, state: Mapping[str, Array], seconds: float) -> None:
+        """
+        Go on from a state, so many seconds later; it is trusted once it has been better again.
+
+        ValueError if the state is not of this arm.
+
+        """
+        shapes = {name: each.shape for name, each in self.state().items()}
+        kinds = {name: shapes[name] for name in ('numbers', 'covariance', 'announced')}
+        if any(
+            name not in state or state[name].shape != shape or not np.isfinite(state[name]).all()
+            for name, shape in kinds.items()
+        ):
+            raise ValueError('arrays of other shapes, or numbers that are not finite')
+        self.reset()
+        self.arm.carry(state['announced'])
+        self.numbers, self.covariance = state['numbers'].copy(), state['covariance'].copy()
+        found = state.get('payload', np.zeros(0))
+        self.payload = Payload.from_array(found) if found.size else None
+        self.pause(seconds)
+
+    def pause(self, seconds: float) -> None:
+        """Let a time without samples pass [s]; the next sample may be of another clock."""
+        mean = self.numbers[self.arm.active]
+        let_walk(mean, self.covariance, self._walk, seconds)
+        self.numbers[self.arm.active] = mean
+        self._t = np.nan
+
+    def announce(self, mass: float, centre: Array) -> None:
+        """
+        Carry a body of known mass [kg] and centre (3,) [m] in the frame of the last link.
+
+        It takes the place of what was found or announced before; without mass there is none. The
+        fit has it too, so that it is trusted at once.
+
+        """
+        found = self.numbers[self._last] - self.arm.start[self._last]
+        self.arm.carry(known_payload(mass, centre))
+        left = np.zeros(BODY) if self.payload is not None or self._settling else found
+        self.numbers[self._last] = self.arm.start[self._last] + left
+        self.numbers = self.arm.possible(self.numbers, self.covariance)
+        self._settling, self._body, self.payload = False, np.zeros(BODY), None
+        self._watch.clear()
+        none = np.zeros(3)
+        known = Payload(mass, 0.0, np.asarray(centre, dtype=np.float64), none) if mass else None
+        self.payload_events.append(PayloadEvent(self._t, known))
+
+    @property
+    def announced_mass(self) -> float:
+        """The mass of the payload that was announced [kg]."""
+        return float(self._announced[0])
+
+    @property
+    def _announced(self) -> Array:
+        return np.asarray(self.arm.start[self._last] - self.arm.arm.links[-1, :-1])
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Recent mean squares of torques from those expected and from the fit, in variances."""
+        return float(self._squares[0]), float(self._squares[1])
+
+    @property
+    def trusted_numbers(self) -> Array:
+        """The numbers of the arm as it is now, as far as that is trusted, shape (11 n + K,)."""
+        return self.numbers if self.is_trusted else self.arm.start
+
     @property
     def is_trusted(self) -> bool:
         """Whether what was learned has been better than the fit, with few disturbances."""
@@ -140,11 +235,17 @@ class Adaptation:
     def model(self) -> InverseDynamicsModel:
         """The arm as it is now, as far as that is trusted."""
         if not self.is_trusted:
-            return self.commissioned
+            return self.arm.fitted
         return self.arm.model(self.numbers, self.covariance)
 
     def update(
-        self, t: ArrayLike, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, tau: ArrayLike
+        self,
+        t: ArrayLike,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        tau: ArrayLike,
+        left_out: ArrayLike = False,
     ) -> Followed:
         """
         Predict the torques of N samples one after the other, and learn from each after that.
@@ -155,6 +256,8 @@ class Adaptation:
             Times [s], not before those of the last call.
         q, dq, ddq, tau : array-likes, shape (N, n)
             Positions [rad or m], velocities, accelerations, measured torques [N m or N].
+        left_out : array-like, shape (N, n), optional
+            Torques of which nothing is learned.
 
         Raises
         ------
@@ -165,19 +268,22 @@ class Adaptation:
 
         """
         times, *arrays = self._checked(t, (q, dq, ddq, tau))
+        columns = times, *arrays, np.broadcast_to(left_out, arrays[0].shape)
         starts = range(0, max(len(times), 1), CHUNK)
         return Followed.joined(
-            [self._followed(*(x[k : k + CHUNK] for x in (times, *arrays))) for k in starts]
+            [self._followed(*(x[k : k + CHUNK] for x in columns)) for k in starts]
         )
 
-    def _followed(self, t: Array, q: Array, dq: Array, ddq: Array, measured: Array) -> Followed:
+    def _followed(
+        self, t: Array, q: Array, dq: Array, ddq: Array, measured: Array, left_out: BoolArray
+    ) -> Followed:
         if not t.size:
-            return Followed(q, q, q, *np.zeros((2, 0), dtype=np.bool_))
+            return Followed(q, q, q, np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.bool_))
         history, steps, active = self._history(t, q, dq), self._steps(t), self.arm.active
         torque, slopes = self.arm.linearised(self.numbers, q, dq, ddq, history)
         frozen = self.arm.fitted_torque(q, dq, ddq, history)
         noise = np.square(self.arm.noise.std_at(dq))
-        rests = np.abs(dq) < NEAR_REST * self.arm.speed
+        rests = (np.abs(dq) < NEAR_REST * self.arm.speed) | left_out
         mean = self.numbers[active]
         predicted, variance, outcome = np.empty_like(q), np.empty_like(q), np.empty(len(q))
         self._quiet = follow(
@@ -199,11 +305,10 @@ class Adaptation:
         self.numbers[active] = mean
         self.numbers = self.arm.possible(self.numbers, self.covariance)
         self._t, self._q = float(t[-1]), q[-1].copy()
-        learned, trusted = (
-            (outcome == LEARNED) & (not self._settling),
-            np.full(len(t), self.is_trusted),
-        )
-        followed = Followed(predicted, np.sqrt(variance + noise), frozen, learned, trusted)
+        kind = np.where((outcome == LEARNED) & rests.all(axis=1), RESTING, outcome)
+        kind = np.where(self._settling, SETTLING, kind).astype(np.int64)
+        trusted = np.full(len(t), self.is_trusted)
+        followed = Followed(predicted, np.sqrt(variance + noise), frozen, kind, trusted)
         std = np.where(rests, np.inf, np.sqrt(noise))
         self._judge(steps, measured, followed, std, outcome == DISTURBED)
         if self._seconds == 0.0:  # begun anew: what was expected is no longer

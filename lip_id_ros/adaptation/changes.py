@@ -21,7 +21,11 @@ LARGE = 0.1
 
 @dataclass(frozen=True)
 class Change:
-    """A torque [`unit`] that has changed; `std` is the deviation of the difference."""
+    """
+    A torque [`unit`] that has changed; `std` is the deviation of the difference.
+
+    `share`: the change in the friction of the joint.
+    """
 
     joint: str
     what: str
@@ -29,6 +33,7 @@ class Change:
     before: float
     now: float
     std: float
+    share: float
 
     @property
     def deviations(self) -> float:
@@ -83,7 +88,8 @@ def changes(adaptation: Adaptation) -> list[Change]:
         for j in np.flatnonzero(sure).tolist():
             kind = model.joint_types[j]
             at = f'{what} at {arm.speed[j]:.2g} {POSITION_UNITS[kind]}/s'
-            values = float(before[j]), float(now[j]), float(std[j])
+            share = abs(now[j] - before[j]) / arm.friction_size[j]
+            values = float(before[j]), float(now[j]), float(std[j]), float(share)
             found.append(Change(model.joint_names[j], at, TORQUE_UNITS[kind], *values))
     return sorted(found, key=lambda each: model.joint_names.index(each.joint))
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from lip_id_ros.adaptation.kalman import Walk
 from lip_id_ros.adaptation.possible import can_exist, NearestLinks, scale_of_links
-from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import ModelError
 from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.model import FrictionModel
@@ -32,6 +32,9 @@ STATES = 300
 """Of the training range, at which sizes of torques are measured where a model keeps no states."""
 
 SECONDS = 3600.0
+
+NEARLY = 1.0 - 1e-9
+"""Of a bound, at which a number is taken to be there."""
 
 SHARE_OF_NOISE = 0.1
 """Of the noise, to which torques of links that can exist are fitted at least."""
@@ -178,6 +181,12 @@ class FollowedArm:
         by_numbers[:, self._replaced] = 0.0
         return tau, by_numbers
 
+    def usual_slopes(self, most: int) -> Array:
+        """Return the slopes of torques by all numbers at training states, (M, n, 11 n + K)."""
+        q, dq, ddq = self._usual_states
+        every = slice(None, None, -(-len(q) // most))
+        return self.linearised(self.start, q[every], dq[every], ddq[every])[1]
+
     def fitted_torque(self, q: Array, dq: Array, ddq: Array, history: JointHistory) -> Array:
         """Return the torques of the fit at N states, shape (N, n) [N m or N]."""
         return self._torque(self.start, q, dq, ddq, history)[0]
@@ -208,12 +217,36 @@ class FollowedArm:
         found = NearestLinks(links, rows, self._scale).found()
         return np.concatenate([found.ravel(), friction.coefficients])
 
+    def carry(self, body: Array) -> None:
+        """Begin with a known body, shape (10,), at the last link of the fit."""
+        self.start[self.last_body] = self.arm.links[-1, :-1] + body
+
+    @property
+    def fitted(self) -> InverseDynamicsModel:
+        """The model of the fit, with the known body at its last link."""
+        is_bare = np.array_equal(self.start[self.last_body], self.arm.links[-1, :-1])
+        return self._model if is_bare else self.with_numbers(self.start)
+
+    def with_numbers(self, numbers: Array) -> InverseDynamicsModel:
+        """Return the model with other numbers, and the deviations of the fit."""
+        links, friction = self._parts(numbers)
+        return replace(self._model, arm=replace(self.arm, links=links, friction=friction))
+
     def model(self, numbers: Array, covariance: Array) -> InverseDynamicsModel:
         """Return the model of an arm that can exist."""
         links, friction = self._parts(numbers)
         root = self._with_root(covariance)
         arm = ArmPosterior(self.arm.chain, links, friction, self.arm.noise, root)
         return replace(self._model, arm=arm)
+
+    def beyond(self, numbers: Array) -> BoolArray:
+        """Mark the joints whose friction has changed by as much as is followed, shape (n,)."""
+        change = np.abs(numbers[self.friction] - self.arm.friction.coefficients)
+        marks = np.zeros(len(self.arm.links), dtype=np.bool_)
+        at_bound = change >= NEARLY * self._settings.most * self.unit
+        for (joint, _), is_there in zip(self._columns, at_bound, strict=True):
+            marks[joint] |= is_there
+        return marks
 
     def _parts(self, numbers: Array) -> tuple[Array, FrictionModel]:
         basis = self.arm.friction.basis

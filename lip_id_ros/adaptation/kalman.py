@@ -15,8 +15,11 @@ CLIPPED = 3.0
 PASSES = 5
 """Over the bounds, before numbers are cut off."""
 
-LEARNED, HELD, DISTURBED = 0, 1, 2
-"""What became of a sample."""
+LEARNED, HELD, DISTURBED, RESTING, SETTLING = range(5)
+"""
+What became of a sample; the filter knows the first three. `RESTING`: no joint moves. `SETTLING`: a
+payload is being found.
+"""
 
 
 class Walk(NamedTuple):
@@ -74,7 +77,7 @@ def follow(
     count, n, size = slopes.shape
     spread, around = np.empty(size), mean.copy()
     for t in range(count):
-        _walk(mean, covariance, walk, steps[t])
+        let_walk(mean, covariance, walk, steps[t])
         quiet += steps[t]
         for i in range(n):
             _multiply(covariance, slopes[t, i], spread)
@@ -125,7 +128,7 @@ def keep_within(mean: Array, covariance: Array, walk: Walk) -> None:
 
 
 @jit
-def _walk(mean: Array, covariance: Array, walk: Walk, step: float) -> None:
+def let_walk(mean: Array, covariance: Array, walk: Walk, step: float) -> None:
     """Let the numbers walk for a time [s]."""
     if step <= 0.0:
         return

@@ -49,6 +49,15 @@ class Payload:
     centre: Array
     centre_std: Array
 
+    def to_array(self) -> Array:
+        """Return all numbers, shape (8,)."""
+        return np.concatenate([[self.mass, self.mass_std], self.centre, self.centre_std])
+
+    @classmethod
+    def from_array(cls, numbers: Array) -> Payload:
+        """Return what `to_array` made an array of."""
+        return cls(float(numbers[0]), float(numbers[1]), numbers[2:5], numbers[5:8])
+
 
 @dataclass(frozen=True)
 class PayloadEvent:
@@ -84,6 +93,13 @@ class PayloadEvent:
         pairs = zip(own.centre, own.centre_std, strict=True)
         centre = ', '.join(f'{x:.3f} ± {std:.2g}' for x, std in pairs)
         return f'{found}, its centre of mass at ({centre}) m in the frame of the last link.'
+
+
+def known_payload(mass: float, centre: Array) -> Array:
+    """Return the numbers of a point mass [kg] at a centre, shape (3,) [m], shape (10,)."""
+    x, y, z = centre
+    inertia = np.array([y * y + z * z, -x * y, -x * z, x * x + z * z, -y * z, x * x + y * y])
+    return mass * np.concatenate([np.ones(1), np.asarray(centre), inertia])
 
 
 class PayloadWatch:

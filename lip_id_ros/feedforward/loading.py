@@ -9,11 +9,14 @@ import shutil
 
 import numpy as np
 
+from lip_id_ros.adaptation.adapted_model import AdaptedModel
+from lip_id_ros.adaptation.follow_settings import follow_rules
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError, LipIdError, ModelError
 from lip_id_ros.feedforward.deviations import Deviations
 from lip_id_ros.feedforward.settings import make_rules, require_consistent, ServeSettings
 from lip_id_ros.files import require_regular_file
-from lip_id_ros.model import DynamicsModel, EffortCalibration, InverseDynamicsModel
+from lip_id_ros.model import DynamicsModel, EffortCalibration, InverseDynamicsModel, Query
 from lip_id_ros.model.known_states import KnownStates
 from lip_id_ros.model.proof import missing_proof
 from lip_id_ros.model.running_memory import RunningMemory
@@ -79,7 +82,8 @@ class LoadedModel:
     A model, ready to be served.
 
     `calibration`: of the effort that it was fitted to. `known_states`: that it was fitted to.
-    `deviations`: where they are asked for. `memory`: of friction.
+    `deviations`: where they are asked for. `memory`: of friction. `adapted`: what updates make of
+    the model, where they are followed.
     """
 
     model: DynamicsModel
@@ -88,6 +92,27 @@ class LoadedModel:
     file: ModelFile | None = None
     deviations: Deviations | None = None
     memory: RunningMemory | None = None
+    adapted: AdaptedModel | None = None
+
+    @property
+    def newest(self) -> DynamicsModel:
+        """The model as it is now."""
+        return self.model if self.adapted is None else self.adapted.newest
+
+    def query(self, state: Array, now: float) -> Query:
+        """Evaluate a state (3, n) of a stream at a time [s]."""
+        if self.adapted is not None:
+            return self.adapted.query(state, now)
+        found = self.model.query(*state)
+        if self.memory is None:
+            return found
+        return found._replace(tau=found.tau + self.memory.torque(state, now))
+
+    def still(self, state: Array, now: float) -> Query:
+        """Evaluate a state that belongs to no stream."""
+        if self.adapted is not None:
+            return self.adapted.query(state, now, is_stream=False)
+        return self.model.query(*state)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -118,6 +143,9 @@ def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
         rest = np.zeros((1, model.n_joints))
         model.query(rest[0], rest[0], rest[0])
         model.predict(rest, rest, rest)
+        adapted = None
+        if settings.follow_adaptation:
+            adapted = AdaptedModel(model, follow_rules(settings, model.joint_names))
         deviations = None
         if settings.needs_deviations:
             deviations = Deviations(file.place, model.n_joints, [file.descriptor])
@@ -126,7 +154,7 @@ def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
         raise
     memory = model.running_memory()
     known = model.known_states
-    return LoadedModel(model, model.effort_calibration, known, file, deviations, memory)
+    return LoadedModel(model, model.effort_calibration, known, file, deviations, memory, adapted)
 
 
 def require_proof(model: InverseDynamicsModel, path: str) -> None:
@@ -203,6 +231,11 @@ def require_rules(settings: ServeSettings, loaded: LoadedModel | None) -> None:
         make_rules(settings, joints)
     else:
         require_consistent(settings)
+    if loaded and settings.follow_adaptation and loaded.adapted is None:
+        raise ConfigError(
+            'follow_adaptation must be true when the model is loaded, but was false then; clean '
+            'the node up, set it, and configure the node anew.'
+        )
     if loaded and settings.gravity and not loaded.model.has_potential:
         raise ConfigError(
             'gravity is true, but the model has none, since the efforts of its fit were '

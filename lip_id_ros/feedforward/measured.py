@@ -25,7 +25,7 @@ class MeasuredArm:
     """Read joint states, and compare them with a model after a low-pass."""
 
     def __init__(self, loaded: LoadedModel, cutoff_hz: float) -> None:
-        self._model = loaded.model
+        self._loaded = loaded
         self._reader = JointStateReader(loaded.joint_names, loaded.calibration)
         self._stamps = StampWatch(LONGEST_STEP_S)
         self._cutoff_hz, self._low_pass = cutoff_hz, LowPass(cutoff_hz)
@@ -45,7 +45,7 @@ class MeasuredArm:
 
     def energies(self, measured: MeasuredState) -> Query:
         """Return the energies at a measured state; the torques are those without acceleration."""
-        return self._model.query(measured.q, measured.dq, np.zeros_like(measured.q))
+        return self._loaded.newest.query(measured.q, measured.dq, np.zeros_like(measured.q))
 
     def residual(self, measured: MeasuredState) -> Array | None:
         """
@@ -63,5 +63,5 @@ class MeasuredArm:
             return None
         (q, dq, tau), (_, ddq, _) = filtered
         with np.errstate(all='ignore'):
-            residual = tau - self._model.query(q, dq, ddq).tau
+            residual = tau - self._loaded.newest.query(q, dq, ddq).tau
         return residual if np.isfinite(residual).all() else None

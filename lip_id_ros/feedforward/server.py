@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from lip_id_ros.adaptation.adapted_model import AdaptedModel
 from lip_id_ros.arrays import Array
 from lip_id_ros.feedforward import shaping
 from lip_id_ros.feedforward.deviations import Deviated, LONGEST_VALID_S
@@ -69,13 +70,16 @@ class ServedArm:
         self.measured = MeasuredArm(loaded, settings.residual_cutoff_hz)
         trained = TrainingRange(*loaded.model.training_range)
         self.shaper = Shaper(make_rules(settings, self.joint_names), trained, sent, counts)
-        self._model, self._memory, self._counts = loaded.model, loaded.memory, counts
+        self._counts = counts
         self._order = JointOrder(self.joint_names)
         self._std_period_s = 1.0 / settings.std_rate_hz
 
     def adjust(self, settings: ServeSettings) -> None:
         """Use other settings; what the robot holds stays, and ramps go on."""
-        self.shaper.adjust(make_rules(settings, self.joint_names))
+        rules = make_rules(settings, self.joint_names)
+        self.shaper.adjust(rules)
+        if self.loaded.adapted is not None:
+            self.loaded.adapted.adjust(rules.follow)
         self.measured.adjust(settings.residual_cutoff_hz)
         self._std_period_s = 1.0 / settings.std_rate_hz
 
@@ -84,9 +88,7 @@ class ServedArm:
     ) -> ServedTorque:
         """Answer one sample of a stream; joints that the model does not know are left out."""
         state = self._order.states(names, points)[:, 0]
-        query = self._model.query(*state)
-        if self._memory is not None:
-            query = query._replace(tau=query.tau + self._memory.torque(state, now))
+        query = self.loaded.query(state, now)
         std = self._std(state, now, tag)
         return ServedTorque(
             self.shaper.sample(self._with_gravity(query), now, state, std), query, state
@@ -101,7 +103,7 @@ class ServedArm:
             raise RefusedError(Refusal.FOREIGN_JOINT)
         states = self._order.states(names, points)
         t = increasing_times(points)
-        tau = self._with_gravity(self._model.predict(states[0], states[1], states[2], t))
+        tau = self._with_gravity(self.loaded.newest.predict(states[0], states[1], states[2], t))
         ordered = np.empty_like(tau)
         ordered[:, columns] = self.shaper.plan(tau, t, states)
         return ordered
@@ -132,19 +134,22 @@ class ServedArm:
         return scale
 
     def _torques(self, q: Array, dq: Array, ddq: Array, t: Array) -> Array:
-        return self.shaper.rules.scale * self._with_gravity(self._model.predict(q, dq, ddq, t))
+        return self.shaper.rules.scale * self._with_gravity(
+            self.loaded.newest.predict(q, dq, ddq, t)
+        )
 
     def safe_torque(self, position: Array | None, now: float) -> Array:
         """Return the torque of an arm without references, last seen here, shape (n,)."""
         rules, zero = self.shaper.rules, np.zeros(len(self.joint_names))
         if rules.safe_value is SafeValue.ZERO or not rules.gravity or position is None:
             return self.shaper.safe(zero, now)
-        gravity = self._model.efforts(self._model.query(position, zero, zero).gravity)
+        still = self.loaded.still(np.stack([position, zero, zero]), now)
+        gravity = self.loaded.model.efforts(still.gravity)
         return self.shaper.safe(gravity if np.isfinite(gravity).all() else zero, now)
 
     def components(self, state: Array) -> Prediction:
         """Predict the parts of the torque at one state of shape (3, n), arrays (1, n)."""
-        return self._model.predict(*state[:, np.newaxis])
+        return self.loaded.newest.predict(*state[:, np.newaxis])
 
     def novelty(self, state: Array) -> float | None:
         """Return how far a state (3, n) is from the training data; None where that is unknown."""
@@ -157,7 +162,7 @@ class ServedArm:
     def _with_gravity(self, predicted: Query | Prediction) -> Array:
         if self.shaper.rules.gravity:
             return predicted.tau
-        return predicted.tau - self._model.efforts(predicted.gravity)
+        return predicted.tau - self.loaded.model.efforts(predicted.gravity)
 
     def _std(self, state: Array, now: float, tag: Any) -> Array | None:
         """Ask for standard deviations; return the newest, shape (n,), where they are checked."""
@@ -301,6 +306,21 @@ class Server:
             raise RefusedError(Refusal.DISABLED)
         return arm
 
+    def take_update(self, text: str, now: float) -> None:
+        """Follow an update of the model; RefusedError, counted, where it is not to be followed."""
+        adapted = self._adapted
+        if adapted is not None and adapted.rules.follows:
+            adapted.take(text, now)
+
+    def watch_updates(self, now: float) -> None:
+        """Go back to the commissioned model where updates have stopped."""
+        if self._adapted is not None:
+            self._adapted.watch(now)
+
+    @property
+    def _adapted(self) -> AdaptedModel | None:
+        return self._arm.loaded.adapted if self._arm else None
+
     def planned_beside(self, counts: Mapping[str, int]) -> None:
         """Count a plan that another process answered, and what it found doubtful or cut."""
         self.counts.references.used['plans'] += 1
@@ -353,6 +373,7 @@ class Server:
             'enabled': self.enabled,
             'joint_names': list(self.joint_names),
             'novelty': self._novelty(),
+            'adaptation': self._adapted.values() if self._adapted else {},
             **self.counts.values(),
         }
 
@@ -384,6 +405,8 @@ class Server:
             )
         if new:
             return Level.WARN, f'messages with trouble: {alarms}'
+        if self._adapted is not None and (trouble := self._adapted.new_trouble()):
+            return Level.WARN, trouble
         if failure:
             return Level.WARN, f'serves the model before: {failure}'
         return Level.OK, 'answering' if self.enabled else 'disabled'

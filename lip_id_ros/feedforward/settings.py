@@ -8,10 +8,18 @@ from enum import StrEnum
 
 import numpy as np
 
+from lip_id_ros.adaptation.follow_settings import (
+    blend_setting,
+    follow_rules,
+    follow_setting,
+    FollowRules,
+    limit_setting,
+    timeout_setting,
+)
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.settings import description_setting, executor_setting, rows, setting, Settings
-from lip_id_ros.settings.settings import AT_START, ON_CONFIGURE, ON_LOAD, PER_JOINT
+from lip_id_ros.settings.settings import AT_ONCE, AT_START, ON_CONFIGURE, ON_LOAD, PER_JOINT
 from lip_id_ros.signals.joints import by_joint, require_unique
 from lip_id_ros.signals.torque_steps import (
     DEFAULT_RATE,
@@ -228,6 +236,12 @@ class ServeSettings(Settings):
         minimum=0.01,
         maximum=1000.0,
     )
+    follow_adaptation: bool = follow_setting(
+        AT_ONCE, ' A model that was loaded without this cannot begin to.'
+    )
+    blend_s: float = blend_setting(AT_ONCE)
+    adaptation_timeout_s: float = timeout_setting(AT_ONCE)
+    adaptation_limit: tuple[float, ...] = limit_setting(AT_ONCE)
     autostart: bool = setting(True, 'Configure and activate at the start.', applies=AT_START)
     executor: str = executor_setting()
 
@@ -260,6 +274,7 @@ class Rules:
     infinite for any, and `safe_value`: what follows it. `range_policy`, `std_policy`: what is done
     outside the training range widened by `margins`, shape (n,), as a share of half of it, and
     beyond `std_limits`. `overload`: what is done with a plan that would exceed the limits.
+    `follow`: how updates are followed.
     """
 
     limits: Array
@@ -276,6 +291,7 @@ class Rules:
     margins: Array
     std_policy: Policy
     std_limits: Array
+    follow: FollowRules
 
     def same_torque(self, other: Rules) -> bool:
         """Whether both make the same torque of one reference, but for limits and rates."""
@@ -317,6 +333,7 @@ def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
         margins=per_joint('range_margin', 0.0),
         std_policy=Policy(settings.std_policy),
         std_limits=per_joint('std_limits', np.inf),
+        follow=follow_rules(settings, joint_names),
     )
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+import json
 import os
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lip_id_ros.arrays import Array, BoolArray, EVERY, Rows
+from lip_id_ros.arrays import Array, BoolArray, digest, EVERY, Rows
 from lip_id_ros.checked_file import Arrays, read_checked, write_checked
 from lip_id_ros.errors import ShapeError
 from lip_id_ros.friction.dahl import (
@@ -382,9 +383,23 @@ class InverseDynamicsModel:
         assert self.arm is not None, 'a model is an arm or a process'
         return self.arm
 
-    def running_memory(self) -> RunningMemory | None:
-        """Return what friction with a memory adds to `query` along a stream; None without one."""
-        return None if self._memory is None else RunningMemory(self._memory, self._revolute)
+    def running_memory(self, before: RunningMemory | None = None) -> RunningMemory | None:
+        """
+        Return what friction with a memory adds to `query` along a stream; None without one.
+
+        `before`: of the same arm with other coefficients, of which the history is known.
+        """
+        if self._memory is None:
+            return None
+        if before is not None:
+            return before.with_friction(self._memory)
+        return RunningMemory(self._memory, self._revolute)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """A hash of all that a file of the model holds."""
+        arrays, header = self._contents()
+        return digest(arrays, json.dumps(header, sort_keys=True))
 
     @cached_property
     def _memory(self) -> FrictionModel | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
@@ -22,6 +24,12 @@ class RunningMemory:
         self._q, self._now = np.zeros(revolute.size), -np.inf
         self._dahl = np.zeros((revolute.size, len(DISPLACEMENTS)))
         self._dahl = self._after(self._q, self._q, True)  # compiled before it is needed
+
+    def with_friction(self, friction: FrictionModel) -> RunningMemory:
+        """Return one with other coefficients that remembers the same states."""
+        other = copy(self)
+        other._friction = friction
+        return other
 
     def torque(self, state: Array, now: float) -> Array:
         """Return the torque to add, (n,) [N m or N], at a state of shape (3, n) and a time [s]."""

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.model import DynamicsModel
+from lip_id_ros.monitoring.observers import Predictor
 
 BANDWIDTH = 50.0
 """Of the observer [1/s]."""
@@ -74,7 +74,7 @@ class ExternalTorqueObserver:
     `bandwidth`: of the observer [1/s]; a sudden contact shows by half after 2.7 / bandwidth.
     """
 
-    def __init__(self, model: DynamicsModel, bandwidth: float = BANDWIDTH) -> None:
+    def __init__(self, model: Predictor, bandwidth: float = BANDWIDTH) -> None:
         self._model, self._bandwidth = model, bandwidth
         low, high = model.training_range
         self._near_rest = NEAR_REST * 0.5 * (high[1] - low[1])
@@ -156,7 +156,7 @@ class ExternalTorqueObserver:
 
 
 def external_torques(
-    model: DynamicsModel,
+    model: Predictor,
     t: Array,
     q: Array,
     dq: Array,

@@ -8,6 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from lip_id_ros.adaptation.adapted_model import AdaptedModel
+from lip_id_ros.adaptation.follow_settings import (
+    blend_setting,
+    follow_rules,
+    follow_setting,
+    limit_setting,
+    timeout_setting,
+)
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
 from lip_id_ros.joint_types import is_prismatic
@@ -25,7 +33,7 @@ from lip_id_ros.monitoring.external_torque import (
     ExternalTorque,
     ExternalTorqueObserver,
 )
-from lip_id_ros.monitoring.observers import EnergyBalance, EnergyMonitor
+from lip_id_ros.monitoring.observers import EnergyBalance, EnergyMonitor, Predictor
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.settings import executor_setting, setting, Settings
 from lip_id_ros.settings.settings import AT_START, PER_JOINT
@@ -126,6 +134,10 @@ class MonitorSettings(Settings):
     hold_s: float = setting(
         0.5, 'How long a contact is published at least.', unit='s', minimum=0.0, applies=AT_START
     )
+    follow_adaptation: bool = follow_setting(AT_START)
+    blend_s: float = blend_setting(AT_START)
+    adaptation_timeout_s: float = timeout_setting(AT_START)
+    adaptation_limit: tuple[float, ...] = limit_setting(AT_START)
     executor: str = executor_setting()
 
 
@@ -153,7 +165,11 @@ class Monitor:
         require_joints(model.joint_names, settings.joints, settings.model_path)
         self.joint_names = model.joint_names
         self._settings = settings
-        self._predictor = model
+        self._trained = model.training_range
+        self._adapted: AdaptedModel | None = None
+        if settings.follow_adaptation:
+            self._adapted = AdaptedModel(model, follow_rules(settings, model.joint_names))
+        self._predictor: Predictor = self._adapted or model
         self._predictor.predict(*np.zeros((3, 1, model.n_joints)))  # compiled now
         self._reader = JointStateReader(model.joint_names, model.effort_calibration)
         self._smallest = self._per_joint('smallest_contact')
@@ -198,8 +214,15 @@ class Monitor:
                 return None
             return self._watch(step, message.stamp_ns, self._reader.read(message))
 
+    def take_update(self, text: str, now: float) -> None:
+        """Follow an update of the model; RefusedError, counted, where it is not to be followed."""
+        if self._adapted is not None:
+            self._adapted.take(text, now)
+
     def judge(self, now: float) -> tuple[Level, str]:
         """Judge what came since the last call, in one sentence; `now` [s] is of any clock."""
+        if self._adapted is not None:
+            self._adapted.watch(now)
         counts = self._counts()
         new, self._before = counts - self._before, counts
         if self._received_at is None or new['received']:
@@ -222,6 +245,7 @@ class Monitor:
             'contacts': self._n_contacts,
             'blind': self._n_blind,
             'failure': self._failure,
+            'adaptation': self._adapted.values() if self._adapted else {},
         }
 
     def _counts(self) -> Counter[str]:
@@ -243,6 +267,8 @@ class Monitor:
             return Level.WARN, f'joint states refused: {_in_words(refused)}'
         if new['after_a_gap'] > 1:
             return Level.WARN, f'{new["after_a_gap"]} joint states not watched: they came {apart}'
+        if self._adapted is not None and (trouble := self._adapted.new_trouble()):
+            return Level.WARN, trouble
         return Level.OK, self._state
 
     @property
@@ -258,6 +284,8 @@ class Monitor:
         follows = 0.0 < step <= self._longest_gap_s / NEARLY
         if not follows:
             self._begin_anew()
+        if self._adapted is not None:
+            self._adapted.advance(measured.t)
         q = self._continued(measured.q)
         self._q = q
         state = (measured.t, q, measured.dq, measured.tau)
@@ -305,7 +333,7 @@ class Monitor:
             return
         found, self._free = self._free, None
         try:
-            low, high = self._predictor.training_range
+            low, high = self._trained
             found.require_motion(self.joint_names, high[1] - low[1])
             self._detector = found.detector(
                 self.joint_names, self._smallest, self._per_joint('deviation_torque')

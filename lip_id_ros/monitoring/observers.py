@@ -8,14 +8,26 @@ of first order finds the power that is not explained, without differentiating th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.model import DynamicsModel
+from lip_id_ros.model import Prediction
 
 GAIN = 50.0
 """Of the observer [1/s]: 63 % of a sudden power after 20 ms."""
+
+
+class Predictor(Protocol):
+    """What the observers ask of a model."""
+
+    @property
+    def training_range(self) -> tuple[Array, Array]:
+        """Lowest and highest q, dq and ddq of the training data, each of shape (3, n)."""
+
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Prediction:
+        """Torques with their parts and energies at N joint states, of shape (N, n)."""
 
 
 class DisturbanceObserver:
@@ -67,7 +79,7 @@ class EnergyBalance:
 class EnergyMonitor:
     """Compare the change of the learned energy with the power supplied in 1 / gain [s]."""
 
-    def __init__(self, model: DynamicsModel, gain: float = GAIN) -> None:
+    def __init__(self, model: Predictor, gain: float = GAIN) -> None:
         self._model = model
         self._observer = DisturbanceObserver(gain)
 

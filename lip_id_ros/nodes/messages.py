@@ -194,14 +194,12 @@ def status_values(status: DiagnosticStatus) -> dict[str, Any]:
     return values
 
 
-def energies_message(stamp: Time, energies: Mapping[str, float]) -> Statistics:
-    """Return the energies that are finite [J], by name, with a stamp."""
+def statistics_message(stamp: Time, values: Mapping[str, float]) -> Statistics:
+    """Return the values that are finite, by name, with a stamp."""
     message = Statistics()
     message.header.stamp = stamp
     message.statistics = [
-        Statistic(name=name, value=value)
-        for name, value in energies.items()
-        if math.isfinite(value)
+        Statistic(name=name, value=value) for name, value in values.items() if math.isfinite(value)
     ]
     return message
 

@@ -8,7 +8,7 @@ import time
 
 from pal_statistics_msgs.msg import Statistics
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float64
+from std_msgs.msg import Bool, Float64, String
 from std_srvs.srv import Trigger
 
 from lip_id_ros.monitoring.monitor import Monitor, MonitorSettings, Watched
@@ -25,7 +25,8 @@ class MonitorNode(NodeBase):
 
     def __init__(self) -> None:
         super().__init__('monitor', parameters_of(MonitorSettings))
-        self._monitor = Monitor(MonitorSettings(**self.values()))
+        settings = MonitorSettings(**self.values())
+        self._monitor = Monitor(settings)
         self._torque = self.create_publisher(JointState, '~/external_torque', qos.OUTPUT)
         self._std = self.create_publisher(JointState, '~/external_torque_std', qos.OUTPUT)
         self._contact = self.create_publisher(Bool, '~/contact', qos.OUTPUT)
@@ -35,6 +36,8 @@ class MonitorNode(NodeBase):
         self._energy = self.create_publisher(Statistics, '~/energy', qos.OUTPUT)
         self.create_service(Trigger, '~/calibrate', self._on_calibrate)
         self.create_subscription(JointState, 'joint_states', self._on_joint_state, qos.WATCHED)
+        if settings.follow_adaptation:
+            self.create_subscription(String, 'adapt/update', self._on_update, qos.LATCHED)
 
     def status(self) -> Status:
         """Return the state of the monitor and its counts."""
@@ -49,6 +52,12 @@ class MonitorNode(NodeBase):
         if watched is not None:
             self._publish(message, watched)
 
+    def _on_update(self, message: String) -> None:
+        try:
+            self._monitor.take_update(message.data, time.monotonic())
+        except RefusedError as refused:
+            self.warn_of_refusal(refused)
+
     def _publish(self, message: JointState, watched: Watched) -> None:
         stamp, energy = message.header.stamp, watched.energy
         names = self._monitor.joint_names
@@ -62,7 +71,7 @@ class MonitorNode(NodeBase):
                 'power_supplied': energy.supplied,
                 'power_unexplained': energy.unexplained,
             }
-            self._energy.publish(messages.energies_message(stamp, energies))
+            self._energy.publish(messages.statistics_message(stamp, energies))
         if watched.judged is not None:
             self._std.publish(messages.torque_message(stamp, names, watched.judged.std))
             self._blind.publish(Bool(data=bool(watched.judged.blind.any())))

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 import json
 import queue
 import signal
@@ -23,12 +23,14 @@ import subprocess
 import sys
 import threading
 from types import FrameType
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO, cast, TYPE_CHECKING
 
 import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
 from trajectory_msgs.msg import JointTrajectory
 
+from lip_id_ros.adaptation.followed import FollowedArm, WalkSettings
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.feedforward.loading import load_model, LoadedModel, ModelFile
 from lip_id_ros.feedforward.server import ServedArm, Server
@@ -37,6 +39,9 @@ from lip_id_ros.nodes import messages
 from lip_id_ros.processes import deadline, kill, LONGEST_START_S
 from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.torque_steps import Sent
+
+if TYPE_CHECKING:
+    from lip_id_ros.model import InverseDynamicsModel
 
 MOST_WAITING = 8
 LONGEST_ANSWER_S = 20.0
@@ -88,13 +93,19 @@ class PlanWorker:
         """How many plans wait for their answer."""
         return self._n_waiting
 
-    def submit(self, raw: bytes, settings: ServeSettings) -> None:
-        """Ask for the efforts of a plan; RefusedError if too many wait, which are interrupted."""
+    def submit(self, raw: bytes, settings: ServeSettings, numbers: Array | None = None) -> None:
+        """
+        Ask for the efforts of a plan; RefusedError if too many wait, which are interrupted.
+
+        `numbers`: of an update that is followed.
+        """
         self.interrupt()
         if self._n_waiting >= MOST_WAITING:
             raise RefusedError(Refusal.BUSY)
         self._n_waiting += 1
-        self._waiting.put((self._generation, json.dumps(asdict(settings)).encode(), raw))
+        adapted = None if numbers is None else numbers.tolist()
+        header = {'settings': asdict(settings), 'numbers': adapted}
+        self._waiting.put((self._generation, json.dumps(header).encode(), raw))
 
     def interrupt(self) -> None:
         """Have no plan published that was submitted before, nor computed any further."""
@@ -204,12 +215,13 @@ class Plans:
     def submit(self, raw: bytes, n_points: int, answered: Callable[[Planned], None]) -> None:
         """Have a plan answered, for `accept`; RefusedError, counted, if it cannot be."""
         with self._server.counts.references.refusing():
-            self._server.ready_arm()
+            adapted = self._server.ready_arm().loaded.adapted
             if n_points > self._settings.max_plan_points:
                 raise RefusedError(Refusal.TOO_LONG)
             if self._worker is None:
                 raise RefusedError(Refusal.INACTIVE)
-            self._worker.submit(raw, self._settings)
+            numbers = None if adapted is None else adapted.numbers
+            self._worker.submit(raw, self._settings, numbers)
         self._waiting.append(answered)
 
     def accept(self, planned: Planned) -> bytes:
@@ -262,11 +274,13 @@ def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:
         except EOFError:
             return 0
         counts: Counter[str] = Counter()
-        values = {key: _tuples(value) for key, value in json.loads(header).items()}
+        asked = json.loads(header)
+        values = {key: _tuples(value) for key, value in asked['settings'].items()}
         rest = Sent(np.zeros(len(loaded.joint_names)))
         try:
             with _abandoned():
-                arm = ServedArm(loaded, ServeSettings(**values), counts, rest)
+                served = _adapted(loaded, asked['numbers'])
+                arm = ServedArm(served, ServeSettings(**values), counts, rest)
                 planned, refusal = _with_effort(arm, raw), ''
         except RefusedError as refused:
             planned, refusal = b'', refused.reason.value
@@ -288,6 +302,14 @@ def _abandoned() -> Iterator[None]:
         yield
     finally:
         signal.signal(ABANDON, signal.SIG_IGN)
+
+
+def _adapted(loaded: LoadedModel, numbers: list[float] | None) -> LoadedModel:
+    """Return a model as an update has it."""
+    if numbers is None:
+        return loaded
+    arm = FollowedArm(cast('InverseDynamicsModel', loaded.model), WalkSettings())
+    return replace(loaded, model=arm.with_numbers(np.array(numbers)))
 
 
 def _with_effort(arm: ServedArm, raw: bytes) -> bytes:

@@ -10,6 +10,7 @@ from builtin_interfaces.msg import Time
 import numpy as np
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.errors import ConfigError
@@ -57,6 +58,7 @@ class Inputs:
         self._optional: list[Any] = []
         self._plans = Plans(server)
         self._goals: Goals | None = None
+        self._updates: Any = None
         self.goals = GoalCounts()
         self._settings = ServeSettings()
         self._is_contradicted = False
@@ -77,6 +79,10 @@ class Inputs:
             self._add(kind, '~/controller_state', self._on_controller_state)
         if settings.follow_joint_states:
             self._add(JointState, 'joint_states', self._on_joint_state)
+        if settings.follow_adaptation:
+            self._updates = self._node.create_subscription(
+                String, 'adapt/update', self._on_update, qos.LATCHED
+            )
         if settings.controller_action:
             action = settings.controller_action
             self._goals = Goals(self._node, self._server, self._plans, self.goals, action)
@@ -113,6 +119,9 @@ class Inputs:
         for subscription in self._optional:
             self._node.destroy_subscription(subscription)
         self._optional.clear()
+        if self._updates is not None:
+            self._node.destroy_subscription(self._updates)
+            self._updates = None
         if self._goals is not None:
             self._goals.destroy()
             self._goals = None
@@ -127,6 +136,7 @@ class Inputs:
         self._watch_publishers()
         if self._goals is not None:
             self._goals.watch()
+        self._server.watch_updates(time.monotonic())
         tau = self._server.safe_torque(time.monotonic())
         if tau is not None:
             self._outputs.torque(self._now(), tau)
@@ -235,6 +245,9 @@ class Inputs:
             residual = beside.residual(measured)
             if residual is not None:
                 self._outputs.joints(RESIDUAL_TOPIC, message.header.stamp, residual)
+
+    def _on_update(self, message: String) -> None:
+        self._unless_refused(self._server.take_update, message.data, time.monotonic())
 
     def _unless_refused(self, answer: Callable[..., None], *arguments: Any) -> None:
         try:

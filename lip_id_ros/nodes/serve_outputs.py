@@ -147,4 +147,4 @@ def _publish_finite(publisher: Any, value: float) -> None:
 
 def _energies(stamp: Time, query: Query) -> Statistics:
     energies = {'kinetic_energy': query.kinetic, 'potential_energy': query.potential}
-    return messages.energies_message(stamp, energies)
+    return messages.statistics_message(stamp, energies)

@@ -47,6 +47,12 @@ class Refusal(StrEnum):
     OLD = 'reference too old'
     OVERTAKEN = 'overtaken by a newer one'
     SEVERAL_PUBLISHERS = 'several publishers'
+    NO_UPDATE = 'no update'
+    NOT_FINITE_UPDATE = 'update not finite'
+    OTHER_MODEL = 'update of another model'
+    OLD_COUNTER = 'update not newer'
+    IMPOSSIBLE_ARM = 'arm that cannot exist'
+    BEYOND_TRUST = 'change too large'
     FAILED = 'failed'
 
 
@@ -127,6 +133,24 @@ _SENTENCES = {
     Refusal.SEVERAL_PUBLISHERS: (
         'references or joint states come from several publishers; end all but one, or set '
         'several_publishers'
+    ),
+    Refusal.NO_UPDATE: (
+        'the message is no update of the model of an arm; check its publisher, and that both '
+        'nodes are of one version'
+    ),
+    Refusal.NOT_FINITE_UPDATE: 'the numbers of an update must be finite; restart its publisher',
+    Refusal.OTHER_MODEL: (
+        'the update is of another model; give the same model_path to both nodes, and restart or '
+        'reload the one whose model is older'
+    ),
+    Refusal.OLD_COUNTER: (
+        'the counter of the update must be higher than that of the one before; end all publishers '
+        'of updates but one, or wait until adaptation_timeout_s has passed'
+    ),
+    Refusal.IMPOSSIBLE_ARM: 'no bodies can have the links of the update; restart its publisher',
+    Refusal.BEYOND_TRUST: (
+        'the update changes torques by more than adaptation_limit, or friction by more than is '
+        'followed; look at the arm, or fit a new model'
     ),
     Refusal.FAILED: 'the message led to an error of this node; see its log',
 }

@@ -11,9 +11,10 @@ from nodes import toy
 import numpy as np
 import pytest
 
+from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError, ModelError
-from lip_id_ros.model import DynamicsModel, Prediction
+from lip_id_ros.model import DynamicsModel, InverseDynamicsModel, Prediction
 from lip_id_ros.monitoring.monitor import Monitor, MonitorSettings, Watched
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joints import RefusedError
@@ -142,7 +143,7 @@ class Sprung:
 
 def sprung(path: str) -> Monitor:
     watching = monitor(path)
-    watching._predictor = Sprung(watching._predictor)  # type: ignore[assignment]
+    watching._predictor = Sprung(watching._predictor)  # type: ignore[arg-type]
     watching._begin_anew()
     return watching
 
@@ -324,3 +325,27 @@ def test_calibration_needs_motion(path: str) -> None:
     assert 'but spanned 0; call calibrate and move all joints.' in failure
     assert watching.values()['deviation_constant'] is None
     assert watching.judge(0.0) == (Level.ERROR, failure)
+
+
+def test_updates_are_followed_where_that_is_asked_for_and_the_model_comes_back(path: str) -> None:
+    model = InverseDynamicsModel.load(path)
+    assert model.arm is not None
+    heavier = np.concatenate([1.2 * model.arm.links.ravel(), model.arm.friction.coefficients])
+    text = Update(model.fingerprint, 1, heavier, True, (0.5, 1.0)).to_text()
+    plain = monitor(path)
+    plain.take_update(text, 0.0)
+    follows = monitor(path, follow_adaptation=True, blend_s=0.0, adaptation_limit=(5.0,))
+    follows.take_update(text, 0.0)
+    expected = take(plain, range(100))[-1].external.torque
+    found = take(follows, range(100))[-1].external.torque
+    np.testing.assert_allclose(found - expected, -0.2 * TAU[99], atol=0.5)
+    assert follows.values()['adaptation']['model'] == 'adapted'
+    assert plain.values()['adaptation'] == {}
+    assert follows.judge(1.0)[0] is Level.OK
+    with pytest.raises(RefusedError):
+        follows.take_update(text, 1.0)
+    assert follows.judge(1.1) == (Level.WARN, 'updates refused: update not newer 1')
+    take(follows, range(100, 102))
+    sentence = 'serves the commissioned model: no update for 5 s'
+    assert follows.judge(6.0) == (Level.WARN, sentence)
+    assert follows.values()['adaptation']['model'] == 'commissioned'

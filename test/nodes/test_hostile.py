@@ -119,12 +119,21 @@ def test_wrong_requests_are_answered_and_serve_lives(ros: Ros, model_path: str) 
 
 @pytest.mark.parametrize(
     'node',
-    ['train', 'monitor', 'computed_torque', 'simulated_panda', 'simulated_arm', 'reference'],
+    [
+        'train',
+        'monitor',
+        'adapt',
+        'computed_torque',
+        'simulated_panda',
+        'simulated_arm',
+        'reference',
+    ],
 )
 def test_an_absurd_parameter_ends_no_node(ros: Ros, model_path: str, node: str) -> None:
     graph, client = ros
     parameters: dict[str, dict[str, Any]] = {
         'monitor': {'model_path': model_path},
+        'adapt': {'model_path': model_path},
         'computed_torque': {
             'joints': list(toy.JOINTS),
             'stiffness': [1.0, 1.0],

@@ -104,7 +104,7 @@ def test_a_status_comes_back_as_it_was() -> None:
 def test_energies_have_a_stamp_and_those_that_are_not_known_are_left_out() -> None:
     stamp = Time(sec=3, nanosec=4)
     energies = {'kinetic_energy': 1.5, 'potential_energy': np.nan}
-    message = messages.energies_message(stamp, energies)
+    message = messages.statistics_message(stamp, energies)
     assert message.header.stamp == stamp
     assert [(each.name, each.value) for each in message.statistics] == [('kinetic_energy', 1.5)]
 

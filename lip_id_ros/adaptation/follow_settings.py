@@ -1,0 +1,104 @@
+"""Settings of nodes that follow updates, and the rules that follow for a model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.settings import setting
+from lip_id_ros.settings.settings import PER_JOINT
+from lip_id_ros.signals.joints import by_joint
+
+
+@dataclass(frozen=True, eq=False)
+class FollowRules:
+    """
+    How updates are followed.
+
+    `blend_s`: time from the torques before to those of an update [s]. `timeout_s`: longest silence
+    of updates. `limits`, shape (n,): largest change of a torque, in the largest of the training
+    data. `follows`: whether updates are followed at all.
+
+    """
+
+    blend_s: float
+    timeout_s: float
+    limits: Array
+    follows: bool = True
+
+
+class FollowSettings(Protocol):
+    """The settings of a node that follows updates."""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Joints that lists are given for."""
+
+    @property
+    def follow_adaptation(self) -> bool:
+        """See `follow_setting`."""
+
+    @property
+    def blend_s(self) -> float:
+        """See `blend_setting`."""
+
+    @property
+    def adaptation_timeout_s(self) -> float:
+        """See `timeout_setting`."""
+
+    @property
+    def adaptation_limit(self) -> tuple[float, ...]:
+        """See `limit_setting`."""
+
+
+def follow_setting(applies: str, more: str = '') -> Any:
+    """Declare whether updates are followed."""
+    return setting(
+        False, f'Follow the updates of the model that adapt publishes.{more}', applies=applies
+    )
+
+
+def blend_setting(applies: str) -> Any:
+    """Declare the time of a blend."""
+    return setting(
+        2.0,
+        'Time in which torques go over to an update, or back to the commissioned model.',
+        unit='s',
+        minimum=0.0,
+        maximum=60.0,
+        applies=applies,
+    )
+
+
+def timeout_setting(applies: str) -> Any:
+    """Declare the longest silence of updates."""
+    return setting(
+        5.0,
+        'Silence of updates after which the commissioned model comes back.',
+        unit='s',
+        minimum=0.1,
+        applies=applies,
+    )
+
+
+def limit_setting(applies: str) -> Any:
+    """Declare the largest change of a torque."""
+    return setting(
+        (1.0,),
+        'Largest change of a torque by an update, at the states of the training data, in the '
+        f'largest torque of the joint there; updates beyond are refused. {PER_JOINT}',
+        minimum=0.0,
+        applies=applies,
+    )
+
+
+def follow_rules(settings: FollowSettings, joint_names: Sequence[str]) -> FollowRules:
+    """Bring the settings into the order of a model's joints; ConfigError if they do not fit."""
+    limits = by_joint(
+        'adaptation_limit', settings.adaptation_limit, settings.joints, joint_names, 1.0
+    )
+    return FollowRules(
+        settings.blend_s, settings.adaptation_timeout_s, limits, settings.follow_adaptation
+    )

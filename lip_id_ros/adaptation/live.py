@@ -1,0 +1,368 @@
+"""The node `adapt` without ROS: joint states are filtered, gated, learned from, and counted."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lip_id_ros.adaptation.adaptation import Adaptation
+from lip_id_ros.adaptation.changes import Change, changes
+from lip_id_ros.adaptation.payloads import Payload, PayloadEvent
+from lip_id_ros.adaptation.saved_state import resume, save
+from lip_id_ros.adaptation.updates import Update
+from lip_id_ros.arrays import Array
+from lip_id_ros.errors import ConfigError, SourceError
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.settings import executor_setting, setting, Settings
+from lip_id_ros.settings.settings import AT_START
+from lip_id_ros.signals.filters import LowPass
+from lip_id_ros.signals.joint_states import JointStateReader, MeasuredState, StampWatch
+from lip_id_ros.signals.joints import Refusal, RefusedError, require_joints, require_unique
+from lip_id_ros.signals.status import Level, Status, Tally
+
+SILENCE_S = 2.0
+"""After so long without a joint state nobody knows whether an update still holds."""
+
+OUTCOMES = ('learned', 'held', 'disturbed', 'resting', 'settling')
+"""Keys of the status, in the order of the outcomes of the filter."""
+
+MOST = 1e6
+"""No position, velocity or torque of an arm is larger."""
+
+ONE_WAY = 0.98
+"""
+Low-passed sign of the velocity below which a joint has turned just now: its torque is a mixture of
+friction before and after, of which nothing is learned.
+"""
+
+NEARLY = 0.95
+"""A sample this share of a period after the one before is taken: stamps jitter."""
+
+
+@dataclass(frozen=True)
+class AdaptSettings(Settings):
+    """The node `adapt`."""
+
+    model_path: str = setting('model.npz', 'Model of the arm as commissioned.', applies=AT_START)
+    joints: tuple[str, ...] = setting(
+        (), 'Joints that the model must have, in any order; empty for any.', applies=AT_START
+    )
+    rate_hz: float = setting(
+        20.0,
+        'How many joint states are learned from, at most; what is between them is filtered.',
+        unit='Hz',
+        minimum=1.0,
+        maximum=1000.0,
+        applies=AT_START,
+    )
+    cutoff_hz: float = setting(
+        10.0,
+        'Cut-off of the low-pass on positions, velocities and torques.',
+        unit='Hz',
+        minimum=0.1,
+        maximum=1000.0,
+        applies=AT_START,
+    )
+    range_margin: float = setting(
+        0.2,
+        'Distance that a joint may go beyond its training range to be learned from, as a share of '
+        'half of it.',
+        minimum=0.0,
+    )
+    publish_rate_hz: float = setting(
+        1.0,
+        'How often updates are published.',
+        unit='Hz',
+        minimum=0.1,
+        maximum=50.0,
+        applies=AT_START,
+    )
+    state_path: str = setting(
+        'adaptation.npz',
+        'File in which what was learned is kept; empty for none.',
+        applies=AT_START,
+    )
+    save_period_s: float = setting(
+        60.0, 'How often it is written.', unit='s', minimum=1.0, applies=AT_START
+    )
+    alarm_change: float = setting(
+        0.5,
+        'Change of friction that the status warns of, as a share of the friction of the joint.',
+        minimum=0.0,
+    )
+    payload_mass: float = setting(
+        0.0, 'Mass that announce_payload announces.', unit='kg', minimum=0.0
+    )
+    payload_centre: tuple[float, ...] = setting(
+        (0.0, 0.0, 0.0), 'Its centre of mass in the frame of the last link: x, y, z.', unit='m'
+    )
+    executor: str = executor_setting()
+
+
+def require_centre(settings: AdaptSettings) -> None:
+    """Raise ConfigError for a centre of mass that is none."""
+    if len(settings.payload_centre) != 3:
+        raise ConfigError(
+            'payload_centre must hold three numbers, x, y and z, but holds '
+            f'{len(settings.payload_centre)}; give it in the frame of the last link.'
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What came of the last joint states: an update, None without any, and events."""
+
+    update: Update | None
+    payloads: tuple[PayloadEvent, ...]
+    alarms: tuple[str, ...]
+
+
+class LiveAdaptation:
+    """
+    Follow an arm in joint states; LipIdError if the settings do not fit the model.
+
+    `take` is for one thread; all others that are not properties are for one other.
+
+    """
+
+    def __init__(self, settings: AdaptSettings, now: float) -> None:
+        require_unique('joints', settings.joints)
+        require_centre(settings)
+        model = InverseDynamicsModel.load(settings.model_path)
+        require_joints(model.joint_names, settings.joints, settings.model_path)
+        self.settings, self.joint_names = settings, model.joint_names
+        self._adaptation = Adaptation(model)
+        self._low, self._high = model.training_range
+        self._reader = JointStateReader(model.joint_names, model.effort_calibration)
+        self._stamps, self._low_pass = StampWatch(), LowPass(settings.cutoff_hz)
+        self._tally = Tally('too_soon', 'after_a_gap', 'out_of_range', 'learnable')
+        self._outcomes = Counter(dict.fromkeys(OUTCOMES, 0))
+        self._waiting: deque[tuple[bool, float, Array]] = deque()
+        self._last_t, self._jumps = -np.inf, 0
+        self._received_at: float | None = None
+        self._n_received = self._counter = 0
+        self._saved_at, self._failure, self._note = now, '', ''
+        self._found: list[Change] = []
+        self._beyond: tuple[str, ...] = ()
+        self._alarmed: set[str] = set()
+        self._warm_up()
+
+    def begin(self, clock: float) -> None:
+        """Go on from the file of the last time, by the clock of the computer [s]."""
+        own = self.settings
+        if not own.state_path:
+            return
+        try:
+            counter = resume(own.state_path, self._adaptation, clock)
+        except (SourceError, OSError) as error:
+            self._note = str(error)
+            return
+        # those that came after the file was written, at most
+        self._counter = counter + int(own.save_period_s * own.publish_rate_hz) + 2
+
+    # joint states
+
+    def take(self, message: JointMessage) -> None:
+        """Filter a joint state, and keep it for `step`; RefusedError if it cannot be used."""
+        with self._tally.receiving():
+            self._reader.columns(message)
+            doubt = self._stamps.doubt(message.stamp_ns)
+            if doubt is not None:
+                raise RefusedError(doubt)
+            measured = self._reader.read(message)
+            if measured.tau is None:
+                raise RefusedError(Refusal.NO_EFFORT)
+            sign = np.sign(measured.dq)
+            signals = np.stack([measured.q, measured.dq, measured.tau, sign])
+            if not (np.abs(signals) <= MOST).all():
+                raise RefusedError(Refusal.TOO_LARGE)
+            self._tally.used[self._use(measured, signals)] += 1
+
+    def _use(self, measured: MeasuredState, signals: Array) -> str:
+        """Keep a state; return what became of it."""
+        filtered = self._low_pass.add(measured.t, signals)
+        if filtered is None:
+            return 'after_a_gap'
+        if 0.0 <= measured.t - self._last_t < NEARLY / self.settings.rate_hz:
+            return 'too_soon'
+        (q, dq, torque, sign), (_, ddq, _, _) = filtered
+        state = np.stack([q, dq, ddq])
+        margin = 0.5 * self.settings.range_margin * (self._high - self._low)
+        self._last_t = measured.t
+        if (state < self._low - margin).any() or (state > self._high + margin).any():
+            return 'out_of_range'
+        jumped, self._jumps = self._stamps.jumps != self._jumps, self._stamps.jumps
+        self._waiting.append((jumped, measured.t, np.array([*state, torque, np.abs(sign)])))
+        return 'learnable'
+
+    # what is done beside the joint states
+
+    def step(self, now: float, clock: float) -> Step:
+        """
+        Learn from what waits; return an update, where there were joint states, and events.
+
+        `now`: on any steady clock [s]. `clock`: that of the computer [s].
+
+        """
+        if self._tally.received > self._n_received or self._received_at is None:
+            self._n_received, self._received_at = self._tally.received, now
+        self._learn()
+        self._found = changes(self._adaptation)
+        arm = self._adaptation.arm
+        marks = arm.beyond(self._adaptation.numbers)
+        self._beyond = tuple(
+            name for name, mark in zip(self.joint_names, marks, strict=True) if mark
+        )
+        if now - self._saved_at > self.settings.save_period_s:
+            self._saved_at = now
+            self.save(clock)
+        return Step(self._update(now), self._new_payloads(), self._new_alarms())
+
+    def save(self, clock: float) -> None:
+        """Write what was learned; a failure is in the status."""
+        if not self.settings.state_path:
+            return
+        try:
+            save(self.settings.state_path, self._adaptation, self._counter, clock)
+            self._failure = ''
+        except OSError as error:
+            self._failure = f'{self.settings.state_path} cannot be written: {error.strerror}'
+
+    def reset(self, clock: float) -> None:
+        """Forget what was learned, also in the file."""
+        self._adaptation.reset()
+        self.save(clock)
+
+    def announce(self, is_there: bool, clock: float) -> str:
+        """Carry the payload of the settings, or none; return what was done."""
+        mass = self.settings.payload_mass if is_there else 0.0
+        centre = np.array(self.settings.payload_centre)
+        self._adaptation.announce(mass, centre)
+        self.save(clock)
+        return self._adaptation.payload_events[-1].sentence()
+
+    def _learn(self) -> None:
+        """Learn from the samples that wait, which begin anew where the clock jumped."""
+        batch: list[tuple[float, Array]] = []
+        while self._waiting:
+            jumped, t, sample = self._waiting.popleft()
+            if jumped:
+                self._follow(batch)
+                self._adaptation.pause(0.0)
+                batch = []
+            batch.append((t, sample))
+        self._follow(batch)
+
+    def _follow(self, batch: list[tuple[float, Array]]) -> None:
+        if not batch:
+            return
+        t = np.array([t for t, _ in batch])
+        samples = np.array([sample for _, sample in batch])
+        q, dq, ddq, tau, one_way = samples.transpose(1, 0, 2)
+        followed = self._adaptation.update(t, q, dq, ddq, tau, one_way < ONE_WAY)
+        self._outcomes.update(OUTCOMES[k] for k in followed.outcome.tolist())
+
+    def _update(self, now: float) -> Update | None:
+        if self._received_at is None or not self._tally.received:
+            return None
+        if now - self._received_at > SILENCE_S:
+            return None
+        self._counter += 1
+        own = self._adaptation
+        return Update(
+            own.commissioned.fingerprint,
+            self._counter,
+            own.trusted_numbers.copy(),
+            own.is_trusted,
+            own.errors,
+        )
+
+    def _new_payloads(self) -> tuple[PayloadEvent, ...]:
+        events = self._adaptation.payload_events
+        new = tuple(events)
+        events.clear()
+        return new
+
+    def _new_alarms(self) -> tuple[str, ...]:
+        """Return sentences that were not said before, of joints that are not back meanwhile."""
+        present = {each.joint: each.sentence() for each in self._alarming()}
+        present |= {name: self._too_far(name) for name in self._beyond}
+        new = tuple(text for name, text in present.items() if name not in self._alarmed)
+        self._alarmed = set(present)
+        return new
+
+    def _alarming(self) -> list[Change]:
+        return [each for each in self._found if each.share >= self.settings.alarm_change]
+
+    def _too_far(self, joint: str) -> str:
+        return f'{joint}: friction has changed by more than is followed; look at the arm.'
+
+    # the status
+
+    def status(self, now: float) -> Status:
+        """Return the state and all counts; `now` as for `step`."""
+        silence = 0.0 if self._received_at is None else now - self._received_at
+        refused = self._tally.new_refusals()
+        level, summary = Level.OK, 'following' if self._is_trusted else 'as commissioned'
+        if self._beyond:
+            level, summary = Level.ERROR, '; '.join(map(self._too_far, self._beyond))
+        elif silence > SILENCE_S or not self._tally.received:
+            level, summary = Level.WARN, 'no joint states: no updates'
+        elif self._failure or self._note:
+            level, summary = Level.WARN, self._failure or self._note
+        elif self._alarming():
+            sentences = ' '.join(each.sentence() for each in self._alarming())
+            level, summary = Level.WARN, sentences
+        elif refused:
+            reasons = ', '.join(f'{key} {n}' for key, n in sorted(refused.items()))
+            level, summary = Level.WARN, f'joint states refused: {reasons}'
+        return Status(level, summary, self.values())
+
+    @property
+    def _is_trusted(self) -> bool:
+        return self._adaptation.is_trusted
+
+    def values(self) -> dict[str, Any]:
+        """Return the state and the counts, JSON-able."""
+        learned, fitted = self._adaptation.errors
+        used = {key: n for key, n in self._tally.used.items() if key != 'learnable'}
+        return {
+            'trusted': self._is_trusted,
+            'counter': self._counter,
+            'error_adapted': round(learned, 3),
+            'error_commissioned': round(fitted, 3),
+            'changes': [each.sentence() for each in self._found],
+            'payload': _in_words(self._adaptation.payload),
+            'announced_kg': self._adaptation.announced_mass,
+            'forgotten': self._adaptation.n_forgotten,
+            'received': self._tally.received,
+            'waiting': len(self._waiting),
+            **used,
+            **self._outcomes,
+            'refused': dict(self._tally.refused),
+            'note': self._note,
+        }
+
+    def _warm_up(self) -> None:
+        """Compile what is needed later, with an arm of its own."""
+        still = np.zeros((1, len(self.joint_names)))
+        other = Adaptation(self._adaptation.commissioned)
+        other.update(np.zeros(1), still, still, still, still)
+
+
+def _in_words(payload: Payload | None) -> str:
+    return 'none' if payload is None else f'{payload.mass:.3g} kg ± {payload.mass_std:.2g} kg'
+
+
+def payload_values(payload: Payload | None) -> dict[str, float]:
+    """Return mass [kg] and centre of mass [m] by name; those that are unknown are not finite."""
+    if payload is None:
+        return {'mass': 0.0, 'mass_std': 0.0}
+    values = {'mass': payload.mass, 'mass_std': payload.mass_std}
+    for axis, centre, std in zip('xyz', payload.centre, payload.centre_std, strict=True):
+        values |= {f'centre_{axis}': float(centre), f'centre_{axis}_std': float(std)}
+    return values

@@ -1,0 +1,200 @@
+"""Updates are followed within bounds, torques are blended, and the fit comes back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from adaptation.arms import known_model, stream, with_friction
+from model.models import random_model
+import numpy as np
+import pytest
+
+from lip_id_ros.adaptation.adapted_model import AdaptedModel
+from lip_id_ros.adaptation.follow_settings import FollowRules
+from lip_id_ros.adaptation.updates import Update
+from lip_id_ros.arrays import Array
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.signals.joints import Refusal, RefusedError
+
+RULES = FollowRules(blend_s=1.0, timeout_s=5.0, limits=np.full(3, 5.0))
+STATE = np.array([[0.3, -0.4, 0.5], [1.0, -0.8, 0.6], [0.5, 1.0, -2.0]])
+STEP_S = 0.02
+
+
+def numbers_of(model: InverseDynamicsModel) -> Array:
+    assert model.arm is not None
+    return np.concatenate([model.arm.links.ravel(), model.arm.friction.coefficients])
+
+
+def update_to(model: InverseDynamicsModel, counter: int = 1) -> Update:
+    """Return an update of the known model that makes another of it."""
+    return Update(known_model().fingerprint, counter, numbers_of(model), True, (0.5, 1.0))
+
+
+def torques(adapted: AdaptedModel, seconds: float, start: float) -> Array:
+    """Return torques of one state over a time."""
+    times = start + np.arange(0.0, seconds, STEP_S)
+    return np.array([adapted.query(STATE, t).tau for t in times])
+
+
+def test_without_an_update_it_is_the_commissioned_model() -> None:
+    model = known_model()
+    adapted = AdaptedModel(model, RULES)
+    np.testing.assert_array_equal(adapted.query(STATE, 0.0).tau, model.query(*STATE).tau)
+    assert adapted.newest is model
+    assert adapted.numbers is None
+
+
+def test_torques_blend_to_an_update_and_back_when_updates_stop() -> None:
+    model, other = known_model(), with_friction(known_model(), 0.6)
+    adapted = AdaptedModel(model, RULES)
+    adapted.query(STATE, 0.0)
+    adapted.take(update_to(other).to_text(), 0.0)
+    before, after = model.query(*STATE).tau, other.query(*STATE).tau
+    tau = torques(adapted, 1.2, 0.0)
+    np.testing.assert_allclose(tau[0], before, atol=1e-12)
+    np.testing.assert_allclose(tau[25], 0.5 * (before + after), rtol=1e-9)
+    np.testing.assert_allclose(tau[-1], after, rtol=1e-12)
+    steps = np.abs(np.diff(tau, axis=0))
+    assert (steps <= 1.001 * STEP_S * np.abs(after - before) + 1e-12).all()
+    adapted.watch(4.9)
+    assert adapted.values()['model'] == 'adapted'
+    adapted.watch(5.1)
+    assert adapted.values()['model'] == 'commissioned'
+    assert adapted.values()['why'] == 'no update for 5 s'
+    tau = torques(adapted, 1.2, 1.2)
+    assert (np.abs(np.diff(tau, axis=0)) <= 1.001 * STEP_S * np.abs(after - before)).all()
+    np.testing.assert_allclose(tau[-1], before, rtol=1e-12)
+    adapted.take(update_to(other).to_text(), 8.0)  # a counter begins anew after that
+    assert adapted.values()['model'] == 'adapted'
+
+
+def test_an_update_amid_a_blend_makes_no_jump() -> None:
+    model = known_model()
+    adapted = AdaptedModel(model, RULES)
+    adapted.query(STATE, 0.0)
+    adapted.take(update_to(with_friction(model, 0.6)).to_text(), 0.0)
+    before = torques(adapted, 0.5, 0.0)[-1]
+    adapted.take(update_to(with_friction(model, 1.5), 2).to_text(), 0.5)
+    np.testing.assert_allclose(adapted.query(STATE, 0.48).tau, before, rtol=1e-9)
+
+
+def test_parts_and_energies_are_blended_too() -> None:
+    model, other = known_model(), with_friction(known_model(), 0.6)
+    adapted = AdaptedModel(model, replace(RULES, blend_s=2 * STEP_S))
+    adapted.advance(0.0)
+    adapted.take(update_to(other).to_text(), 0.0)
+    adapted.advance(STEP_S)
+    found = adapted.predict(*STATE[:, None])
+    parts = [each.predict(*STATE[:, None]) for each in (model, other)]
+    for name in ('tau', 'friction', 'gravity', 'kinetic', 'potential'):
+        expected = 0.5 * sum(getattr(each, name) for each in parts)
+        np.testing.assert_allclose(getattr(found, name), expected, rtol=1e-9)
+
+
+def test_friction_that_remembers_goes_on_through_an_update() -> None:
+    model = known_model(memory=True)
+    other = with_friction(model, 0.8)
+    data = stream(model, 10.0)
+    adapted = AdaptedModel(model, replace(RULES, blend_s=0.0))
+    half = data.t.size // 2
+    text = Update(model.fingerprint, 1, numbers_of(other), True, (0.5, 1.0)).to_text()
+    found = []
+    for k, (t, q, dq, ddq) in enumerate(zip(*data[:4], strict=True)):
+        if k == half:
+            adapted.take(text, t)
+        found.append(adapted.query(np.stack([q, dq, ddq]), t).tau)
+    whole = np.array(found)
+    state = data.q, data.dq, data.ddq, data.t
+    np.testing.assert_allclose(whole[:half], model.predict(*state).tau[:half], atol=1e-9)
+    expected = other.predict(*state).tau
+    np.testing.assert_allclose(whole[half + 1 :], expected[half + 1 :], atol=1e-9)
+
+
+def foreign(update: Update) -> Update:
+    return replace(update, model='b' * 64)
+
+
+def older(update: Update) -> Update:
+    return replace(update, counter=5)
+
+
+def cut(update: Update) -> Update:
+    return replace(update, numbers=update.numbers[1:])
+
+
+def impossible(update: Update) -> Update:
+    numbers = update.numbers.copy()
+    numbers[22] = -1.0  # a mass
+    return replace(update, numbers=numbers)
+
+
+def driving(update: Update) -> Update:
+    numbers = update.numbers.copy()
+    numbers[-9] = -0.1  # viscous friction
+    return replace(update, numbers=numbers)
+
+
+def heavy(update: Update) -> Update:
+    numbers = update.numbers.copy()
+    numbers[22:32] *= 100.0
+    return replace(update, numbers=numbers)
+
+
+@pytest.mark.parametrize(
+    ('spoil', 'reason'),
+    [
+        (foreign, Refusal.OTHER_MODEL),
+        (older, Refusal.OLD_COUNTER),
+        (cut, Refusal.NO_UPDATE),
+        (impossible, Refusal.IMPOSSIBLE_ARM),
+        (driving, Refusal.BEYOND_TRUST),
+        (heavy, Refusal.BEYOND_TRUST),
+    ],
+)
+def test_an_update_that_is_not_to_be_followed_is_refused_and_counted(
+    spoil: Callable[[Update], Update], reason: Refusal
+) -> None:
+    model = known_model()
+    other = with_friction(model, 0.9)
+    adapted = AdaptedModel(model, RULES)
+    adapted.take(update_to(other, 5).to_text(), 0.0)
+    with pytest.raises(RefusedError) as refused:
+        adapted.take(spoil(update_to(other, 6)).to_text(), 1.0)
+    assert refused.value.reason is reason
+    assert adapted.values()['refused'] == {reason.value: 1}
+    np.testing.assert_array_equal(adapted.numbers, numbers_of(other))
+    assert adapted.values()['received'] == 2
+
+
+def test_an_update_that_is_worse_or_not_trusted_brings_the_commissioned_model_back() -> None:
+    model = known_model()
+    adapted = AdaptedModel(model, RULES)
+    good = update_to(with_friction(model, 0.9))
+    adapted.take(good.to_text(), 0.0)
+    adapted.take(replace(good, counter=2, errors=(1.2, 1.0)).to_text(), 1.0)
+    assert adapted.newest is model
+    adapted.take(replace(good, counter=3).to_text(), 2.0)
+    assert adapted.newest is not model
+    fitted = replace(good, counter=4, trusted=False, numbers=numbers_of(model))
+    adapted.take(fitted.to_text(), 3.0)
+    assert adapted.newest is model
+    counted = {key: adapted.values()[key] for key in ('followed', 'untrusted', 'worse')}
+    assert counted == {'followed': 2, 'untrusted': 1, 'worse': 1}
+
+
+def test_what_is_no_longer_followed_goes_back() -> None:
+    model = known_model()
+    adapted = AdaptedModel(model, RULES)
+    adapted.take(update_to(with_friction(model, 0.9)).to_text(), 0.0)
+    adapted.adjust(replace(RULES, follows=False))
+    assert adapted.newest is model
+
+
+def test_a_fit_with_a_residual_process_is_followed_too() -> None:
+    model = random_model('articulated')
+    adapted = AdaptedModel(model, replace(RULES, limits=np.ones(model.n_joints)))
+    changed = numbers_of(model)
+    adapted.take(Update(model.fingerprint, 1, changed, True, (0.5, 1.0)).to_text(), 0.0)
+    assert adapted.newest is model

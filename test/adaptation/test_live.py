@@ -1,0 +1,237 @@
+"""Joint states of an arm that changes become updates; bad ones are refused or gated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from adaptation import arms
+from adaptation.arms import with_friction
+import numpy as np
+import pytest
+
+from lip_id_ros.adaptation.adapted_model import AdaptedModel
+from lip_id_ros.adaptation.follow_settings import FollowRules
+from lip_id_ros.adaptation.live import AdaptSettings, LiveAdaptation, payload_values, Step
+from lip_id_ros.adaptation.payloads import known_payload
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.model import EffortCalibration, InverseDynamicsModel
+from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.signals.joints import Refusal, RefusedError
+from lip_id_ros.signals.status import Level
+
+RATE_HZ, START_NS = 50.0, 1_000_000_000_000
+OUTCOMES = ('learned', 'held', 'disturbed', 'resting', 'settling')
+GATES = ('too_soon', 'after_a_gap', 'out_of_range', 'waiting')
+
+
+def states(
+    model: InverseDynamicsModel, seconds: float, start: float = 0.0, rest: bool = False
+) -> Iterator[JointMessage]:
+    """Yield joint states of slow sinusoids with the torques of an arm."""
+    rng = np.random.default_rng(2)
+    t = start + np.arange(0.0, seconds, 1.0 / RATE_HZ)
+    w = 2.0 * np.pi * np.array([[0.11, 0.17, 0.23], [0.05, 0.07, 0.13]])[:, None]
+    phase = w * t[:, None] + np.array([0.0, 1.0, 2.0])
+    a = np.zeros((2, 1, 3)) if rest else np.array([0.6, 0.5])[:, None, None]
+    parts = a * np.sin(phase), a * w * np.cos(phase), -a * w**2 * np.sin(phase)
+    q, dq, ddq = (each.sum(axis=0) for each in parts)
+    tau = model.predict(q, dq, ddq).tau + 0.02 * rng.standard_normal(q.shape)
+    for row, time in enumerate(t):
+        stamp = START_NS + round(1e9 * time)
+        yield JointMessage(stamp, model.joint_names, q[row], dq[row], tau[row])
+
+
+def known_model() -> InverseDynamicsModel:
+    """Return a model of efforts that are torques."""
+    return replace(arms.known_model(), effort_calibrations=(EffortCalibration.identity(3),))
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> str:
+    known_model().save(tmp_path / 'model.npz')
+    return str(tmp_path / 'model.npz')
+
+
+def live(path: str, **settings: Any) -> LiveAdaptation:
+    own: dict[str, Any] = {'state_path': path.replace('model', 'state'), **settings}
+    found = LiveAdaptation(AdaptSettings(model_path=path, **own), 0.0)
+    found.begin(1000.0)
+    return found
+
+
+def feed(found: LiveAdaptation, messages: Iterator[JointMessage], now: float = 1.0) -> Step:
+    for message in messages:
+        found.take(message)
+    return found.step(now, 1000.0 + now)
+
+
+def test_friction_that_falls_comes_out_as_an_update_that_is_followed(path: str) -> None:
+    model = InverseDynamicsModel.load(path)
+    warm = with_friction(model, 0.5)
+    found = live(path)
+    step = feed(found, states(warm, 40.0))
+    assert step.update is not None
+    assert step.update.trusted
+    adapted = AdaptedModel(model, FollowRules(0.0, 5.0, np.full(3, 5.0)))
+    adapted.take(step.update.to_text(), 0.0)
+    state = np.array([[0.3, -0.4, 0.5], [0.6, -0.5, 0.4], [0.0, 0.0, 0.0]])
+    errors = [np.abs(each.query(*state).tau - warm.query(*state).tau).max() for each in (
+        adapted.newest, model
+    )]  # fmt: skip
+    assert errors[0] < 0.15 * errors[1]
+    values = found.values()
+    assert values['changes']
+    assert values['received'] == sum(values[key] for key in (*OUTCOMES, *GATES))
+    assert found.status(1.0).level is Level.WARN
+    assert {text.partition(':')[0] for text in step.alarms} <= {*model.joint_names}
+    assert step.alarms
+    assert not found.step(1.1, 1001.1).alarms  # said once
+
+
+def test_counters_rise_and_updates_stop_with_the_joint_states(path: str) -> None:
+    found = live(path)
+    assert found.step(0.0, 1000.0).update is None
+    assert found.status(0.0).level is Level.WARN
+    first = feed(found, states(known_model(), 3.0)).update
+    second = found.step(2.0, 1002.0).update
+    assert first is not None
+    assert second is not None
+    assert second.counter == first.counter + 1
+    assert found.status(2.0).level is Level.OK
+    assert found.step(4.0, 1004.0).update is None
+    assert found.status(4.0).summary == 'no joint states: no updates'
+
+
+def test_what_was_learned_is_there_after_a_restart_with_a_higher_counter(path: str) -> None:
+    warm = with_friction(known_model(), 0.5)
+    first = live(path)
+    step = feed(first, states(warm, 40.0))
+    first.save(1001.0)
+    second = live(path)
+    assert second.values()['note'] == ''
+    again = feed(second, states(warm, 20.0, start=100.0))
+    assert step.update is not None
+    assert again.update is not None
+    assert again.update.counter > step.update.counter + 60
+    assert again.update.trusted
+    np.testing.assert_allclose(again.update.numbers, step.update.numbers, atol=0.05)
+
+
+@pytest.mark.parametrize('kind', ['foreign', 'broken'])
+def test_a_state_that_cannot_be_used_is_kept_aside(path: str, kind: str) -> None:
+    state = Path(path.replace('model', 'state'))
+    if kind == 'broken':
+        state.write_bytes(b'no archive')
+    else:
+        with_friction(known_model(), 0.9).save(path)
+        live(path).save(1000.0)
+        known_model().save(path)
+    before = state.read_bytes()
+    found = live(path)
+    assert 'it is kept as' in found.values()['note']
+    assert state.with_name('state.npz.1').read_bytes() == before
+    assert not state.exists()
+    feed(found, states(known_model(), 3.0))
+    assert found.status(1.0).level is Level.WARN
+
+
+def test_a_disk_that_fails_is_in_the_status(path: str, tmp_path: Path) -> None:
+    found = live(path, state_path=str(tmp_path / 'none' / 'state.npz'))
+    feed(found, states(known_model(), 3.0))
+    found.save(1000.0)
+    assert 'cannot be written' in found.status(1.0).summary
+
+
+def test_an_announced_payload_is_in_the_update_at_once_and_a_reset_takes_it_off(
+    path: str,
+) -> None:
+    found = live(path, payload_mass=0.5, payload_centre=(0.0, 0.0, 0.1))
+    feed(found, states(known_model(), 3.0))
+    assert '0.5 ± 0 kg' in found.announce(True, 1000.0)
+    step = found.step(1.5, 1001.5)
+    assert step.update is not None
+    links = known_model().arm.links  # type: ignore[union-attr]
+    numbers = step.update.numbers[: links.size].reshape(links.shape)
+    change = (numbers - links)[-1]
+    np.testing.assert_allclose(change[:4], [0.5, 0.0, 0.0, 0.05], atol=1e-12)
+    np.testing.assert_allclose(change[[4, 7, 9]], [0.005, 0.005, 0.0], atol=1e-12)
+    assert not step.update.trusted
+    assert payload_values(step.payloads[0].payload)['centre_z'] == pytest.approx(0.1)
+    assert found.values()['announced_kg'] == pytest.approx(0.5)
+    again = live(path)
+    assert again.values()['announced_kg'] == pytest.approx(0.5)
+    found.reset(1002.0)
+    step = found.step(1.6, 1001.6)
+    assert step.update is not None
+    np.testing.assert_array_equal(step.update.numbers[: links.size], links.ravel())
+    assert live(path).values()['announced_kg'] == 0.0
+
+
+def test_a_known_payload_is_no_disturbance(path: str) -> None:
+    model = known_model()
+    assert model.arm is not None
+    links = model.arm.links.copy()
+    links[-1, :-1] += known_payload(0.5, np.array([0.1, 0.0, 0.1]))
+    loaded = replace(model, arm=replace(model.arm, links=links))
+    found = live(path, payload_mass=0.5, payload_centre=(0.1, 0.0, 0.1))
+    found.announce(True, 1000.0)
+    feed(found, states(loaded, 20.0))
+    values = found.values()
+    assert values['disturbed'] == 0
+    assert values['learned'] > 200
+    assert values['payload'] == 'none'
+    assert found.announce(False, 1000.0) == 'At 1020.0 s the payload is gone.'
+
+
+def test_a_clock_that_was_set_back_is_followed(path: str) -> None:
+    found = live(path)
+    feed(found, states(known_model(), 5.0, start=100.0))
+    learned = found.values()['learned']
+    for message in states(known_model(), 5.0):
+        with suppress(RefusedError):  # of the first two stamps
+            found.take(message)
+    assert found.values()['refused'] == {Refusal.BACKWARD_STAMP.value: 2}
+    found.step(1.0, 1001.0)
+    assert found.values()['learned'] > learned + 50
+
+
+def test_an_arm_at_rest_and_one_out_of_its_range_are_counted_as_such(path: str) -> None:
+    found = live(path)
+    feed(found, states(known_model(), 5.0, rest=True))
+    assert found.values()['resting'] > 50
+    assert found.values()['learned'] == 0
+    for message in states(known_model(), 5.0, start=6.0):
+        found.take(message._replace(position=(np.asarray(message.position) + 5.0).tolist()))
+    found.step(1.0, 1001.0)
+    assert found.values()['out_of_range'] > 50
+    assert found.values()['learned'] == 0
+
+
+@pytest.mark.parametrize(
+    ('change', 'reason'),
+    [
+        ({'effort': []}, Refusal.NO_EFFORT),
+        ({'effort': [0.0, 1e9, 0.0]}, Refusal.TOO_LARGE),
+        ({'velocity': [0.0, np.nan, 0.0]}, Refusal.NOT_FINITE),
+        ({'names': ['a', 'b', 'c']}, Refusal.FOREIGN_JOINTS),
+        ({'stamp_ns': 0}, Refusal.NO_STAMP),
+    ],
+)
+def test_a_joint_state_that_cannot_be_used_is_refused(
+    path: str, change: dict[str, Any], reason: Refusal
+) -> None:
+    found = live(path)
+    message = next(states(known_model(), 1.0))._replace(**change)
+    with pytest.raises(RefusedError) as refused:
+        found.take(message)
+    assert refused.value.reason is reason
+    assert found.values()['refused'] == {reason.value: 1}
+
+
+def test_a_centre_of_mass_has_three_numbers(path: str) -> None:
+    with pytest.raises(ConfigError, match='must hold three numbers'):
+        live(path, payload_centre=(0.0, 0.1))
