@@ -13,7 +13,8 @@ WHEEL = {'bdist_wheel', 'dist_info', 'editable_wheel'}  # the commands that pip 
 NODES = [
     f'{name} = lip_id_ros.programs:{name}'
     for name in (
-        *('train', 'serve', 'monitor', 'adapt', 'replay', 'computed_torque', 'set_payload'),
+        *('train', 'excite', 'serve', 'monitor', 'adapt', 'replay', 'computed_torque'),
+        'set_payload',
         *('simulated_panda', 'simulated_arm', 'reference'),
     )
 ]

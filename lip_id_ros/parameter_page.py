@@ -14,6 +14,7 @@ from lip_id_ros.acquisition.settings import train_parameters
 from lip_id_ros.adaptation.live import AdaptSettings
 from lip_id_ros.control.settings import ControlSettings
 from lip_id_ros.demo.settings import ArmSettings, ReferenceSettings
+from lip_id_ros.excitation.settings import RoundSettings
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.monitoring.monitor import MonitorSettings
 from lip_id_ros.settings import parameters_of, Row
@@ -25,7 +26,7 @@ INTRODUCTION = f"""\
 # Parameters of the nodes
 
 The nodes declare and check their parameters by the settings tables in `lip_id_ros/acquisition`,
-`feedforward`, `monitoring`, `adaptation`, `control` and `demo`, and those of a fit.
+`excitation`, `feedforward`, `monitoring`, `adaptation`, `control` and `demo`, and those of a fit.
 `{COMMAND}` writes this page from them.
 
 - Start from [train.yaml](../../config/train.yaml) and [serve.yaml](../../config/serve.yaml), which
@@ -65,6 +66,7 @@ def page() -> str:
 def node_parameters() -> dict[str, dict[str, Row]]:
     """Return the parameters of every node by its name."""
     others = {
+        'excite': RoundSettings,
         'serve': ServeSettings,
         'monitor': MonitorSettings,
         'adapt': AdaptSettings,

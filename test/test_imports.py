@@ -111,8 +111,8 @@ PARTS |= {
     'cli': INNER,
     'demo': {'dataset', 'nodes', 'recording', 'settings', 'signals', 'simulation'},
     'parameter_page': {
-        *('acquisition', 'adaptation', 'control', 'demo', 'feedforward', 'monitoring'),
-        'settings',
+        *('acquisition', 'adaptation', 'control', 'demo', 'excitation', 'feedforward'),
+        *('monitoring', 'settings'),
     },
 }
 

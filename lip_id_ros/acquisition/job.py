@@ -1,4 +1,4 @@
-"""Jobs of the node `train` (fit, data set, payload): one at a time, in a process of its own."""
+"""Jobs of `train` (fit, data set, payload) and `excite` (motion), each in a process of its own."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ SAVING = 'result saved'
 @dataclass(frozen=True)
 class Task:
     """
-    The request of a job: 'fit', 'dataset' or 'payload'.
+    The request of a job: 'fit', 'dataset', 'payload' or 'motion'.
 
-    `settings`: of a fit by ``section.name``. `bags`: recordings and data sets that are used as
-    well. `holdout`: share of the samples that is kept out of a fit. `niceness`: how much it gives
-    way to other processes. `model`: file of the arm whose payload is sought. `payload_model`:
-    where the model with the payload is saved; empty for nowhere. `flange`: its frame, as in
-    `export.payload`.
+    `settings`: of a fit by ``section.name``, or the fields of a `MotionRequest`. `bags`:
+    recordings and data sets that are used as well. `holdout`: share of the samples that is kept
+    out of a fit. `niceness`: how much it gives way to other processes. `model`: file of the arm
+    whose payload is sought. `payload_model`: where the model with the payload is saved; empty for
+    nowhere. `flange`: its frame, as in `export.payload`.
     """
 
     kind: str

@@ -1,5 +1,5 @@
 """
-The process of a job: reads recordings and writes a model, a data set or a payload.
+The process of a job: reads recordings and writes a model, a data set, a payload or a motion.
 
 Started by `Jobs`; its standard input is a JSON request, what it prints are JSON lines.
 """
@@ -20,6 +20,7 @@ from lip_id_ros.acquisition.recording_file import receive
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError, LipIdError
 from lip_id_ros.evaluation import data_remarks, matched
+from lip_id_ros.excitation.rounds import MotionRequest, next_motion
 from lip_id_ros.export.payload import inertias, require_links, to_yaml
 from lip_id_ros.files import write_or_rescue, write_whole
 from lip_id_ros.loading.data_settings import selected_config
@@ -58,6 +59,8 @@ def main(requests: TextIO, output: TextIO) -> int:
 
 
 def _work(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
+    if request['kind'] == 'motion':
+        return _motion(request, progress)
     config = override(Config(), request['settings'], 'the parameters')
     sections = receive(request['recording'])
     share = 1.0 - request.get('holdout', 0.0)
@@ -113,6 +116,11 @@ def _payload(data: Dataset, request: dict[str, Any], progress: Progress) -> dict
         'cautions': found.cautions,
         'payload': figures,
     }
+
+
+def _motion(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
+    motion, found = next_motion(MotionRequest(**request['settings']), progress)
+    return {**_save(found.save, request['path'], progress), 'motion': motion.to_json()}
 
 
 def _save(

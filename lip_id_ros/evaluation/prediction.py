@@ -139,7 +139,7 @@ def standard_deviation(
     blocks, size = [], STD_BLOCK if getattr(model, 'process', None) else ARM_STD_BLOCK
     for begin in range(0, chosen.size, size):
         some = chosen[begin : begin + size]
-        blocks.append(model.standard_deviation(*states, some))
+        blocks.append(model.standard_deviation(*states, rows=some))
         progress('standard deviation', begin + some.size, chosen.size)
     return _joined(blocks)
 

@@ -13,7 +13,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.urdf import moving_joints, parse_description, urdf_text
 from lip_id_ros.errors import ConfigError, DataError, ModelError, shortened
 from lip_id_ros.excitation.arms import KnownArm, Learning
-from lip_id_ros.excitation.constraints import Constraint, Constraints, TorqueLimits
+from lip_id_ros.excitation.constraints import Constraint, Constraints, shrunk, TorqueLimits
 from lip_id_ros.excitation.design import (
     Design,
     design,
@@ -157,9 +157,10 @@ def design_motion(
     description = None if urdf is None else urdf_text(urdf)
     if model is not None:
         config = _of_model(config, model)
-    names, types, chain = _joints(config.motion, description)
-    limits = limits_from(config.motion, names, description)
-    posture = posture_from(config.motion, limits)
+    names, types, chain = joints_of(config.motion, description)
+    largest = limits_from(config.motion, names, description)
+    posture = posture_from(config.motion, largest)
+    limits = shrunk(largest, posture, config.motion.size)
     motions = LimitedMotions(limits, posture, config.motion.duration_s, config.motion.harmonics)
     if model is None:
         constraints = _constraints(config, chain, limits, None)
@@ -171,7 +172,9 @@ def design_motion(
         )
     assert model.arm is not None, 'models without an arm have been refused'
     learner, types = KnownArm(model.arm), model.joint_types
-    states = usual_targets(config, motions) if targets is None else _states(targets, model)
+    states = (
+        wanted_states(config, largest, posture) if targets is None else _states(targets, model)
+    )
     criterion = next_criterion(config, learner, states)
     chain = _as_learned(chain, model.arm.chain)
     constraints = _constraints(config, chain, limits, model)
@@ -180,6 +183,14 @@ def design_motion(
     learning = Learning(model, states, found.motion, measurements(config))
     return ExcitingMotion(
         names, types, limits, found, config.motion.rate_hz, chain, config.space, learning
+    )
+
+
+def wanted_states(config: ExcitationConfig, limits: JointLimits, posture: Array) -> States:
+    """Return states of random motions within the limits, for which torques will be wanted."""
+    motion = config.motion
+    return usual_targets(
+        config, LimitedMotions(limits, posture, motion.duration_s, motion.harmonics)
     )
 
 
@@ -245,9 +256,10 @@ def _config(settings: Any) -> ExcitationConfig:
     )
 
 
-def _joints(
+def joints_of(
     settings: MotionSettings, description: tuple[str, str] | None
 ) -> tuple[tuple[str, ...], tuple[str, ...], Chain | None]:
+    """Return names and types of the joints, and the chain where there is a URDF (text, place)."""
     if description is None:
         if not settings.joints:
             raise ConfigError(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from lip_id_ros.settings import setting, Settings
+from lip_id_ros.settings import executor_setting, setting, Settings
+from lip_id_ros.settings.settings import AT_START, PER_JOINT
 
 ERROR, INFORMATION = 'error', 'information'
 NONE = 'none'
@@ -64,6 +65,13 @@ class MotionSettings(Settings):
         0.9,
         'Share of the limits of the URDF that the motion may use.',
         minimum=0.01,
+        maximum=1.0,
+    )
+    size: float = setting(
+        1.0,
+        'Share of the way from the posture to each limit of the positions, and of all other '
+        'limits but those of torques, that the motion may use: less for a first, small one.',
+        minimum=0.001,
         maximum=1.0,
     )
 
@@ -126,3 +134,91 @@ class ExcitationConfig:
     motion: MotionSettings = field(default_factory=MotionSettings)
     space: SpaceSettings = field(default_factory=SpaceSettings)
     search: SearchSettings = field(default_factory=SearchSettings)
+
+
+UNLIMITED = 'none'
+
+
+@dataclass(frozen=True)
+class RoundSettings(Settings):
+    """The node `excite`: how motions are executed, one after the other."""
+
+    controller_action: str = setting(
+        '',
+        'Action FollowJointTrajectory of the controller that moves the arm; must be given.',
+        applies=AT_START,
+    )
+    trainer: str = setting(
+        'train', 'Name of the node train, which records and fits.', applies=AT_START
+    )
+    config_path: str = setting(
+        '',
+        'Settings of the motions, as those of `lip_id excite --config`; empty: the usual ones.',
+        applies=AT_START,
+    )
+    use_robot_description: bool = setting(
+        False,
+        'Take joints and limits that the settings leave out from the URDF of the topic '
+        'robot_description.',
+        applies=AT_START,
+    )
+    model_path: str = setting(
+        '', 'Model that the first motion starts from; empty: nothing is known.', applies=AT_START
+    )
+    motion_path: str = setting(
+        'motion.yaml',
+        'Where motions are written, each with its number added to the name.',
+        applies=AT_START,
+    )
+    rounds: int = setting(3, 'Most motions.', minimum=1, maximum=100, applies=AT_START)
+    enough_percent: float = setting(
+        0.0,
+        'No further motion once the standard deviations of torques are below this, at every '
+        'joint, in percent of the root mean square torques of motions within all limits.',
+        unit='%',
+        minimum=0.0,
+        maximum=100.0,
+        applies=AT_START,
+    )
+    first_size: float = setting(
+        0.1,
+        'motion.size of the first motion where nothing is known.',
+        minimum=0.001,
+        maximum=1.0,
+        applies=AT_START,
+    )
+    confirm: bool = setting(
+        True, 'Whether each motion waits for the service confirm.', applies=AT_START
+    )
+    start_tolerance: tuple[float, ...] = setting(
+        (0.02,),
+        f'Longest way from the arm to the posture before a motion. {PER_JOINT}',
+        unit='rad or m',
+        minimum=0.0,
+        applies=AT_START,
+    )
+    tracking_tolerance: tuple[float, ...] = setting(
+        (0.1,),
+        'Longest way from the arm to where it should be before the motion is stopped. '
+        f'{PER_JOINT}',
+        unit='rad or m',
+        minimum=0.0,
+        applies=AT_START,
+    )
+    effort_limits: tuple[float, ...] | str = setting(
+        (),
+        'Largest efforts of the joint states, in their own unit, before the motion is stopped; '
+        f'must be given: the word none for no limits. {PER_JOINT}',
+        minimum=0.0,
+        choices=(UNLIMITED,),
+        applies=AT_START,
+    )
+    stale_timeout_s: float = setting(
+        0.1,
+        'Longest silence of the joint states before the motion is stopped.',
+        unit='s',
+        minimum=0.001,
+        maximum=60.0,
+        applies=AT_START,
+    )
+    executor: str = executor_setting()

@@ -268,6 +268,7 @@ class InverseDynamicsModel:
         dq: ArrayLike,
         ddq: ArrayLike,
         t: ArrayLike | None = None,
+        *,
         rows: Rows = EVERY,
     ) -> StandardDeviation:
         """
@@ -290,7 +291,7 @@ class InverseDynamicsModel:
             tau, kinetic, potential = map(np.sqrt, variances)
             noise = self.process.noise_std
         else:
-            tau = self.torque_std(states[0], states[1], states[2], t, rows)
+            tau = self.torque_std(states[0], states[1], states[2], t, rows=rows)
             noise = self._known_arm.noise.std_at(rate)
             kinetic, potential = self._arm_deviation.energy_std(at, rate)
         known = potential if self.has_potential else None
@@ -454,6 +455,7 @@ class InverseDynamicsModel:
         dq: Array,
         ddq: Array,
         t: ArrayLike | None = None,
+        *,
         rows: Rows = EVERY,
     ) -> Array:
         """Return deviations of noiseless torques at `rows` of (N, n), no checks [N m or N]."""

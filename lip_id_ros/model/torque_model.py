@@ -141,7 +141,13 @@ class DynamicsModel(TorqueModel, Protocol):
         """Torques with their parts, energies, and standard deviations where asked for."""
 
     def standard_deviation(
-        self, q: Array, dq: Array, ddq: Array, t: Array | None = None, rows: Rows = EVERY
+        self,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        t: Array | None = None,
+        *,
+        rows: Rows = EVERY,
     ) -> StandardDeviation:
         """Return standard deviations at some rows of N joint states; others are their past."""
 

@@ -50,7 +50,7 @@ class Goals:
         self, node: NodeBase, server: Server, plans: Plans, counts: GoalCounts, action: str
     ) -> None:
         self._node, self._server, self._plans, self._counts = node, server, plans, counts
-        self._kind = _action_type()
+        self._kind = action_type()
         # by the identity of the goal: those of the controller, and those filled beside the stream
         self._relays: dict[bytes, Relay] = {}
         self._look_at = 0.0
@@ -199,7 +199,8 @@ def _forget_plan(handle: Any) -> None:
     handle.request.multi_dof_trajectory = MultiDOFJointTrajectory()
 
 
-def _action_type() -> Any:
+def action_type() -> Any:
+    """Return FollowJointTrajectory; ConfigError where its package is not installed."""
     try:
         from control_msgs.action import FollowJointTrajectory
     except ImportError:

@@ -1,0 +1,198 @@
+"""Motions one after the other: how large the next one is, and when one that runs must stop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.description.urdf import urdf_text
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.excitation.constraints import next_size
+from lip_id_ros.excitation.joint_limits import limits_from, posture_from
+from lip_id_ros.excitation.planning import design_motion, ExcitingMotion, joints_of
+from lip_id_ros.excitation.settings import ExcitationConfig
+from lip_id_ros.excitation.trajectory_file import Trajectory
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model.proof import missing_proof
+from lip_id_ros.progress import Progress, silent
+from lip_id_ros.settings import read_sections
+
+Urdf = tuple[str, str]
+"""Text, and where it comes from."""
+
+
+@dataclass(frozen=True)
+class MotionRequest:
+    """
+    What the next motion follows.
+
+    `config_path`: settings; empty for the usual ones. `description`: text of a URDF; empty for
+    none. `model_path`: what is known; empty for nothing. `last_size`: of the motion before; 0 for
+    the first one. `first_size`: of the first one where nothing is known. `positions`: of the
+    joints by name, the posture where the settings have none.
+    """
+
+    config_path: str
+    description: str
+    model_path: str
+    last_size: float
+    first_size: float
+    positions: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class NextMotion:
+    """
+    A motion that is designed: its size, its states over time, and what is not known before it.
+
+    `deviation_percent`: standard deviations of torques of motions within all limits, in percent of
+    their root mean squares, per joint; empty where there is no model.
+    """
+
+    size: float
+    trajectory: Trajectory
+    deviation_percent: tuple[float, ...]
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> NextMotion:
+        """Return what `to_json` was made of."""
+        names, *states = content['trajectory']
+        trajectory = Trajectory(tuple(names), *map(np.array, states))
+        return cls(content['size'], trajectory, tuple(content['deviation_percent']))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return values for JSON."""
+        names, *states = self.trajectory
+        lists = [list(names), *(each.tolist() for each in states)]
+        return {**asdict(self), 'trajectory': lists}
+
+
+def next_motion(
+    request: MotionRequest, progress: Progress = silent
+) -> tuple[NextMotion, ExcitingMotion]:
+    """
+    Design the next motion.
+
+    It is as large as the model vouches for, at most twice the last one, and no larger than that
+    after a model that is not proven. Raises what `design_motion` does, and ConfigError if a joint
+    has no position.
+    """
+    model = InverseDynamicsModel.load(request.model_path) if request.model_path else None
+    config = ExcitationConfig()
+    if request.config_path:
+        config = read_sections(request.config_path, config)
+    if model is not None:
+        config = replace(config, motion=replace(config.motion, joints=model.joint_names))
+    urdf = urdf_text(request.description) if request.description else None
+    config = _at_present(config, urdf, request.positions)
+    config = replace(
+        config, motion=replace(config.motion, size=_size(request, config, urdf, model))
+    )
+    found = design_motion(config, urdf and urdf[0], model, progress=progress)
+    size = config.motion.size
+    return NextMotion(size, found.trajectory, _deviation_percent(found)), found
+
+
+def _at_present(
+    config: ExcitationConfig, urdf: Urdf | None, positions: Mapping[str, float]
+) -> ExcitationConfig:
+    """Return settings whose posture is where the arm is, unless they have one."""
+    if config.motion.posture:
+        return config
+    names, _, _ = joints_of(config.motion, urdf)
+    if missing := [name for name in names if name not in positions]:
+        raise ConfigError(
+            f'joint_states must have the positions of {", ".join(names)}, but lacks '
+            f'{", ".join(missing)}; correct motion.joints or the topic.'
+        )
+    posture = tuple(positions[name] for name in names)
+    return replace(config, motion=replace(config.motion, posture=posture))
+
+
+def _size(
+    request: MotionRequest,
+    config: ExcitationConfig,
+    urdf: Urdf | None,
+    model: InverseDynamicsModel | None,
+) -> float:
+    if model is None:
+        return request.first_size
+    last = request.last_size or request.first_size
+    if missing_proof(model) is not None:
+        return last
+    names, _, _ = joints_of(config.motion, urdf)
+    limits = limits_from(config.motion, names, urdf)
+    posture, motion = posture_from(config.motion, limits), config.motion
+    return next_size(
+        model, limits, posture, last, config.search.seed, motion.duration_s, motion.harmonics
+    )
+
+
+def _deviation_percent(found: ExcitingMotion) -> tuple[float, ...]:
+    if found.learning is None:
+        return ()
+    tau = found.learning.before.predict(*found.learning.targets).tau
+    usual = np.sqrt(np.mean(tau**2, axis=0))
+    return tuple((100.0 * found.learning.torque_std[0] / usual).tolist())
+
+
+def numbered(path: str, number: int) -> str:
+    """Return the path of a motion: its number is added to the name."""
+    place = Path(path)
+    return os.fspath(place.with_name(f'{place.stem}_{number}{place.suffix}'))
+
+
+class MotionWatch:
+    """
+    Judges the joint states while a motion is executed.
+
+    `tracking_tolerance` [rad or m] and `effort_limits`, in the unit of the joint states, have
+    shape (n,) in the order of the trajectory's joints.
+    """
+
+    def __init__(
+        self, planned: Trajectory, tracking_tolerance: Array, effort_limits: Array
+    ) -> None:
+        self._planned = planned
+        self._tolerance, self._limits = tracking_tolerance, effort_limits
+
+    @property
+    def posture(self) -> Array:
+        """Where the motion begins, (n,) [rad or m]."""
+        return np.asarray(self._planned.q[0])
+
+    def reason_to_stop(
+        self, since_start: float, q: Sequence[float] | Array, effort: Sequence[float] | Array
+    ) -> str | None:
+        """
+        Return why the motion must stop, or None.
+
+        By positions [rad or m] and efforts, (n,), so long after its start [s]; efforts may be
+        empty where they have no limit.
+        """
+        planned = np.array(
+            [np.interp(since_start, self._planned.t, way) for way in self._planned.q.T]
+        )
+        away = np.abs(np.asarray(q) - planned)
+        if reason := self._beyond(away, self._tolerance, 'is {:.3g} away from its plan'):
+            return reason
+        if not len(effort):
+            if np.isfinite(self._limits).any():
+                return 'the joint states have no effort, which effort_limits are for'
+            return None
+        return self._beyond(np.abs(np.asarray(effort)), self._limits, 'has an effort of {:.3g}')
+
+    def _beyond(self, values: Array, limits: Array, what: str) -> str | None:
+        # a value that is no number is beyond any limit
+        beyond = ~(values <= limits)
+        if not beyond.any():
+            return None
+        joint = int(np.argmax(beyond))
+        name = self._planned.joint_names[joint]
+        return f'{name} {what.format(values[joint])}, beyond {limits[joint]:.3g}'

@@ -1,0 +1,406 @@
+"""Node `excite`: designs motions, has a controller execute them, and has `train` learn of each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict
+from enum import StrEnum
+import sys
+import time
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from diagnostic_msgs.msg import DiagnosticStatus
+import numpy as np
+from rclpy.action import ActionClient
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from lip_id_ros.acquisition.job import Jobs, Task
+from lip_id_ros.errors import ConfigError, LipIdError
+from lip_id_ros.excitation.rounds import MotionRequest, MotionWatch, NextMotion, numbered
+from lip_id_ros.excitation.settings import RoundSettings
+from lip_id_ros.nodes import messages, qos, running
+from lip_id_ros.nodes.description import Description
+from lip_id_ros.nodes.goals import action_type
+from lip_id_ros.nodes.node import NodeBase
+from lip_id_ros.nodes.running import outcome
+from lip_id_ros.settings import parameters_of
+from lip_id_ros.signals.joints import by_joint
+from lip_id_ros.signals.status import Level, Status
+from lip_id_ros.signals.torque_steps import limits_in_numbers
+
+TICK_S = 0.02
+
+LONGEST_ANSWER_S = 5.0
+"""The controller and `train` answer sooner."""
+
+LEAST_SETTLED_S = 0.5
+"""Recorded after each motion, so that `train` has its end."""
+
+
+class Stage(StrEnum):
+    """What the node does."""
+
+    IDLE = 'idle'
+    DESIGN = 'designing'
+    LEAVE = 'waiting for confirm'
+    MOVE = 'moving'
+    FIT = 'fitting'
+    DONE = 'done'
+    STOPPED = 'stopped'
+
+
+class HaltError(LipIdError):
+    """Why the motions do not go on."""
+
+
+class ExciteNode(NodeBase):
+    """Motions, one after the other; ConfigError if a parameter is missing or wrong."""
+
+    def __init__(self) -> None:
+        super().__init__('excite', parameters_of(RoundSettings))
+        self._settings = settings = RoundSettings(**self.values())
+        _require(settings)
+        self._stage, self._sentence = Stage.IDLE, 'call ~/start'
+        self._round, self._size, self._model_path = 0, 0.0, settings.model_path
+        self._deviations: list[tuple[float, ...]] = []
+        self._positions: dict[str, float] = {}
+        self._heard_at = -np.inf
+        self._watch: MotionWatch | None = None
+        self._goal: Any = None
+        self._pending: Future | None = None
+        self._names: tuple[str, ...] = ()
+        self._moving_since = 0.0
+        self._job: Mapping[str, Any] = {}
+        self._heard_of_job: Future | None = None
+        self._limit = np.inf, ''
+        self._settled_at: float | None = None
+        self._jobs = Jobs()
+        self._description = Description(self) if settings.use_robot_description else None
+        self._kind = action_type()
+        self._action = self.resolve_service_name(settings.controller_action)
+        self._controller = ActionClient(self, self._kind, self._action)
+        self._record = self.create_client(SetBool, f'{settings.trainer}/record')
+        self._fit = self.create_client(Trigger, f'{settings.trainer}/fit')
+        self.create_subscription(
+            DiagnosticStatus, f'{settings.trainer}/status', self._on_trainer, qos.LATCHED
+        )
+        self.create_subscription(
+            JointState, 'joint_states', self._on_joint_state, qos.SENSOR_STREAM
+        )
+        self.create_subscription(Bool, 'monitor/contact', self._on_contact, qos.OUTPUT)
+        self.create_service(Trigger, '~/start', self._on_start)
+        self.create_service(Trigger, '~/confirm', self._on_confirm)
+        self.create_service(Trigger, '~/stop', self._on_stop)
+        self.create_steady_timer(TICK_S, self._on_tick)
+
+    def stop(self) -> None:
+        """Have the controller cancel the motion, and end the design that is running."""
+        self._halt('the node ends')
+        self._jobs.stop()
+
+    def status(self) -> Status:
+        """Return the stage, the motions so far, and how the deviations fall."""
+        level = Level.ERROR if self._stage is Stage.STOPPED else Level.OK
+        values = {
+            'stage': self._stage.value,
+            'round': self._round,
+            'size': self._size,
+            'model_path': self._model_path,
+            'deviation_percent': [list(each) for each in self._deviations],
+            'design': {'stage': self._jobs.state.stage, 'done': self._jobs.state.done},
+        }
+        return Status(level, f'{self._stage}: {self._sentence}', values)
+
+    # the motions
+
+    async def _run(self) -> None:
+        """Design, move and fit, until all motions are done or one is stopped."""
+        try:
+            for number in range(1, self._settings.rounds + 1):
+                self._round = number
+                motion = await self._designed(number)
+                if self._is_enough(motion):
+                    break
+                await self._confirmed(motion)
+                await self._moved(motion)
+                await self._fitted()
+                self._size = motion.size
+        except (LipIdError, OSError) as error:
+            self._enter(Stage.STOPPED, str(error))
+            self.get_logger().error(f'stopped: {error}')
+            return
+        except Exception as error:
+            self._enter(Stage.STOPPED, 'an error of this node; see its log')
+            self.caught(error)
+            return
+        self._enter(Stage.DONE, f'{self._round} motions; the model is {self._model_path}')
+
+    def _enter(self, stage: Stage, sentence: str) -> None:
+        self._stage, self._sentence = stage, sentence
+        self.publish_status()
+
+    async def _designed(self, number: int) -> NextMotion:
+        self._enter(Stage.DESIGN, f'motion {number} of {self._settings.rounds}')
+        urdf = ''
+        if self._description is not None:
+            urdf = self._description.require('use_robot_description', 'switch that off')
+        request = MotionRequest(
+            self._settings.config_path,
+            urdf,
+            self._model_path,
+            self._size,
+            self._settings.first_size,
+            dict(self._positions),
+        )
+        path = numbered(self._settings.motion_path, number)
+        work = self._jobs.start(Task('motion', asdict(request), path), [])
+        result = await self._until(outcome(self, work))
+        motion = NextMotion.from_json(result['motion'])
+        if motion.deviation_percent:
+            self._deviations.append(motion.deviation_percent)
+        return motion
+
+    def _is_enough(self, motion: NextMotion) -> bool:
+        deviations = motion.deviation_percent
+        return bool(deviations) and max(deviations) < self._settings.enough_percent
+
+    async def _confirmed(self, motion: NextMotion) -> None:
+        if not self._settings.confirm:
+            return
+        t, peak = motion.trajectory.t, np.abs(motion.trajectory.dq).max()
+        self._enter(
+            Stage.LEAVE,
+            f'motion {self._round} of {self._settings.rounds} takes {t[-1]:.3g} s, at {peak:.3g} '
+            f'rad/s or m/s at most, {motion.size:.3g} of all limits; call ~/confirm or ~/stop',
+        )
+        await self._until(Future(executor=self.executor))
+
+    async def _moved(self, motion: NextMotion) -> None:
+        """Execute a motion while `train` records."""
+        names = motion.trajectory.joint_names
+        watch = self._watched(motion)
+        self._require_posture(watch.posture, names)
+        if not self._controller.server_is_ready():
+            raise HaltError(f'no controller offers {self._action}; activate it')
+        await self._asked(self._record, SetBool.Request(data=True))
+        try:
+            await self._executed(motion, watch)
+            await self._settled()
+        finally:
+            self._watch, self._goal = None, None
+            self._record.call_async(SetBool.Request(data=False))
+
+    async def _executed(self, motion: NextMotion, watch: MotionWatch) -> None:
+        self._enter(Stage.MOVE, f'motion {self._round} of {self._settings.rounds}')
+        goal = self._kind.Goal(trajectory=_message(motion))
+        sent = self._controller.send_goal_async(goal)
+        try:
+            handle = await self._until(sent, LONGEST_ANSWER_S, self._action)
+        except HaltError:
+            sent.add_done_callback(_cancel)  # it may still be accepted
+            raise
+        if not handle.accepted:
+            raise HaltError(f'the controller of {self._action} has rejected the motion')
+        self._goal, self._names = handle, motion.trajectory.joint_names
+        self._moving_since, self._heard_at = self._now_s(), time.monotonic()
+        self._watch = watch
+        answer = await self._until(handle.get_result_async())
+        self._watch = None
+        if answer.status != GoalStatus.STATUS_SUCCEEDED:
+            why = answer.result.error_string or f'error code {answer.result.error_code}'
+            raise HaltError(f'the controller has ended the motion: {why}')
+
+    async def _settled(self) -> None:
+        """Wait for the last joint states of the motion."""
+        self._settled_at = time.monotonic() + LEAST_SETTLED_S
+        await self._until(Future(executor=self.executor))
+
+    async def _fitted(self) -> None:
+        """Have `train` fit, and take the model."""
+        self._enter(Stage.FIT, f'motion {self._round} of {self._settings.rounds}')
+        before = self._job
+        await self._asked(self._fit, Trigger.Request())
+        while not _has_ended(self._job, before):
+            self._heard_of_job = Future(executor=self.executor)
+            await self._until(self._heard_of_job)
+        if self._job['state'] != 'done':
+            raise HaltError(f'the fit has ended without a model: {self._job.get("error", "")}')
+        self._model_path = self._job['result']['path']
+
+    async def _asked(self, client: Any, request: Any) -> None:
+        """Call a service of `train`; HaltError where it does not do as asked."""
+        if not client.service_is_ready():
+            raise HaltError(f'nobody offers {client.srv_name}; start the node train')
+        answer = await self._until(client.call_async(request), LONGEST_ANSWER_S, client.srv_name)
+        if not answer.success:
+            raise HaltError(f'{client.srv_name}: {answer.message}')
+
+    # what halts them
+
+    async def _until(self, awaited: Any, limit_s: float = np.inf, what: str = '') -> Any:
+        """Await something, unless the motions are halted meanwhile: HaltError."""
+        self._pending = pending = Future(executor=self.executor)
+        self._limit = time.monotonic() + limit_s, what
+        task = self.executor.create_task(_passing(awaited, pending))
+        try:
+            return await pending
+        finally:
+            self._pending = None
+            task.cancel()
+
+    def _halt(self, reason: str) -> None:
+        """Cancel the motion that runs, and end what is awaited."""
+        if self._goal is not None:
+            self._goal.cancel_goal_async()
+        self._watch = None
+        if self._pending is not None and not self._pending.done():
+            self._pending.set_exception(HaltError(reason))
+
+    def _go_on(self) -> None:
+        if self._pending is not None and not self._pending.done():
+            self._pending.set_result(None)
+
+    def _on_tick(self) -> None:
+        now = time.monotonic()
+        if self._pending is not None and now > self._limit[0]:
+            self._halt(f'{self._limit[1]} has not answered in {LONGEST_ANSWER_S:g} s')
+        if self._settled_at is not None and now > self._settled_at:
+            self._settled_at = None
+            self._go_on()
+        if self._watch is None:
+            return
+        if now - self._heard_at > self._settings.stale_timeout_s:
+            self._halt(f'no joint state for {now - self._heard_at:.3g} s')
+        elif not self._controller.server_is_ready():
+            self._halt(f'the controller of {self._action} has ended')
+
+    def _on_joint_state(self, message: JointState) -> None:
+        if len(message.position) != len(message.name):
+            return  # of a publisher of something else
+        self._positions.update(zip(message.name, message.position, strict=True))
+        if self._watch is None or not set(self._names) <= set(message.name):
+            return
+        self._heard_at = time.monotonic()
+        column = [message.name.index(name) for name in self._names]
+        q = [message.position[k] for k in column]
+        has_effort = len(message.effort) == len(message.name)
+        effort = [message.effort[k] for k in column] if has_effort else []
+        reason = self._watch.reason_to_stop(self._now_s() - self._moving_since, q, effort)
+        if reason is not None:
+            self._halt(reason)
+
+    def _on_contact(self, message: Bool) -> None:
+        if message.data and self._watch is not None:
+            self._halt('the monitor has found a contact')
+
+    def _on_trainer(self, message: DiagnosticStatus) -> None:
+        self._job = messages.status_values(message).get('job', {})
+        if self._heard_of_job is not None and not self._heard_of_job.done():
+            self._heard_of_job.set_result(None)
+
+    # services
+
+    def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._stage not in (Stage.IDLE, Stage.DONE, Stage.STOPPED):
+            return _answer(response, False, f'the node is {self._stage}; call ~/stop first')
+        if not self._positions:
+            return _answer(response, False, 'no joint state has come; start the driver')
+        self._enter(Stage.DESIGN, 'the first motion')
+        self.executor.create_task(self._run())
+        return _answer(response, True, 'designing the first motion; ~/status shows how it goes')
+
+    def _on_confirm(
+        self, request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        if self._stage is not Stage.LEAVE or self._pending is None:
+            return _answer(response, False, f'nothing waits for this, the node is {self._stage}')
+        self._go_on()
+        return _answer(response, True, 'the arm moves')
+
+    def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._pending is None:
+            return _answer(response, False, f'nothing runs, the node is {self._stage}')
+        self._halt('~/stop was called')
+        with suppress(LipIdError):
+            self._jobs.cancel()
+        return _answer(response, True, 'stopped')
+
+    def _watched(self, motion: NextMotion) -> MotionWatch:
+        names, settings = motion.trajectory.joint_names, self._settings
+        limits = limits_in_numbers(settings.effort_limits)
+        return MotionWatch(
+            motion.trajectory,
+            by_joint('tracking_tolerance', settings.tracking_tolerance, names, names, np.inf),
+            by_joint('effort_limits', limits, names, names, np.inf),
+        )
+
+    def _require_posture(self, posture: Any, names: tuple[str, ...]) -> None:
+        tolerance = by_joint(
+            'start_tolerance', self._settings.start_tolerance, names, names, np.inf
+        )
+        for name, planned, most in zip(names, posture, tolerance, strict=True):
+            away = abs(self._positions.get(name, np.nan) - planned)
+            if not away <= most:
+                raise HaltError(
+                    f'{name} must be at {planned:.4g} for the motion, within start_tolerance, but '
+                    f'is {away:.3g} away; move the arm there'
+                )
+
+    def _now_s(self) -> float:
+        return 1e-9 * float(self.get_clock().now().nanoseconds)
+
+
+def _require(settings: RoundSettings) -> None:
+    if not settings.controller_action:
+        raise ConfigError(
+            'controller_action must be the action FollowJointTrajectory of the controller, but is '
+            'empty; give it.'
+        )
+    if settings.effort_limits == ():
+        raise ConfigError('effort_limits must be given: numbers, or the word none for no limits.')
+
+
+def _has_ended(job: Mapping[str, Any], before: Mapping[str, Any]) -> bool:
+    return job.get('task') == 'fit' and job != before and job.get('state') != 'running'
+
+
+def _cancel(sent: Future) -> None:
+    if sent.exception() is None and sent.result().accepted:
+        sent.result().cancel_goal_async()
+
+
+async def _passing(awaited: Any, pending: Future) -> None:
+    """Hand what is awaited on to another future, unless that has ended."""
+    try:
+        result = await awaited
+    except Exception as error:
+        if not pending.done():
+            pending.set_exception(error)
+        return
+    if not pending.done():
+        pending.set_result(result)
+
+
+def _message(motion: NextMotion) -> JointTrajectory:
+    names, t, *states = motion.trajectory
+    return messages.plan_message(names, t, *states)
+
+
+def _answer(response: Any, success: bool, text: str) -> Any:
+    response.success, response.message = success, text
+    return response
+
+
+def main() -> int:
+    """Run the node `excite`."""
+    return running.run(ExciteNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,86 @@
+"""Motions one after the other, without ROS: their sizes, and what stops one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.excitation.rounds import (
+    MotionRequest,
+    MotionWatch,
+    next_motion,
+    NextMotion,
+    numbered,
+)
+from lip_id_ros.excitation.trajectory_file import Trajectory
+
+NAMES = ('a', 'b')
+SETTINGS = """
+motion: {joints: [a, b], duration_s: 4.0, lower: [-1.0], upper: [1.0], velocity: [2.0]}
+search: {draws: 2, starts: 1, steps: 1}
+"""
+
+
+def watch(**limits: float) -> MotionWatch:
+    """Watch a motion of the first joint from 0 to 1 rad in 1 s."""
+    t = np.array([0.0, 1.0])
+    still = np.zeros((2, 2))
+    planned = Trajectory(NAMES, t, np.array([[0.0, 0.0], [1.0, 0.0]]), still, still)
+    tracking, effort = limits.get('tracking', 0.1), limits.get('effort', np.inf)
+    return MotionWatch(planned, np.full(2, tracking), np.full(2, effort))
+
+
+@pytest.mark.parametrize(
+    ('q', 'effort', 'limits', 'reason'),
+    [
+        ((0.55, 0.0), (9.0, 0.0), {}, None),
+        ((0.39, 0.0), (0.0, 0.0), {}, 'a is 0.11 away from its plan, beyond 0.1'),
+        ((0.5, np.nan), (0.0, 0.0), {}, 'b is nan away'),
+        ((0.5, 0.0), (0.0, -2.5), {'effort': 2.0}, 'b has an effort of 2.5, beyond 2'),
+        ((0.5, 0.0), (), {'effort': 2.0}, 'have no effort'),
+        ((0.5, 0.0), (), {}, None),
+    ],
+)
+def test_what_stops_a_motion(
+    q: tuple[float, ...], effort: tuple[float, ...], limits: dict[str, float], reason: str | None
+) -> None:
+    found = watch(**limits).reason_to_stop(0.5, q, effort)
+    assert found is None if reason is None else found is not None and reason in found
+
+
+def request(folder: Path, **changes: object) -> MotionRequest:
+    settings = folder / 'excite.yaml'
+    settings.write_text(SETTINGS)
+    given = {
+        'config_path': str(settings),
+        'description': '',
+        'model_path': '',
+        'last_size': 0.0,
+        'first_size': 0.2,
+        'positions': {'b': -0.3, 'a': 0.4, 'gripper': 9.0},
+    }
+    return MotionRequest(**{**given, **changes})  # type: ignore[arg-type]
+
+
+def test_the_first_motion_is_small_and_begins_where_the_arm_is(tmp_path: Path) -> None:
+    motion, _ = next_motion(request(tmp_path))
+    q, dq = motion.trajectory.q, motion.trajectory.dq
+    np.testing.assert_allclose(q[[0, -1]], [[0.4, -0.3]] * 2, atol=1e-9)
+    assert motion.size == 0.2
+    assert 0.1 < np.abs(dq).max() <= 0.4
+    assert (q.max(axis=0) <= [0.4 + 0.2 * 0.6, -0.3 + 0.2 * 1.3]).all()
+    assert motion.deviation_percent == ()
+    again = NextMotion.from_json(motion.to_json())
+    np.testing.assert_array_equal(again.trajectory.q, q)
+
+
+def test_a_joint_without_a_position_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match='lacks b; correct'):
+        next_motion(request(tmp_path, positions={'a': 0.4}))
+
+
+def test_motions_are_numbered() -> None:
+    assert numbered('/data/motion.yaml', 2) == '/data/motion_2.yaml'

@@ -1,0 +1,101 @@
+"""An arm of two joints that a controller moves: its action, and its joint states with efforts."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+import threading
+import time
+from typing import Any
+
+from control_msgs.action import FollowJointTrajectory
+from gp.chains import R, random_arm
+import numpy as np
+import rclpy
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from lip_id_ros.arrays import Array
+from lip_id_ros.nodes import messages, qos
+
+JOINTS = ('shoulder', 'elbow')
+RATE_HZ = 200.0
+VISCOUS, COULOMB, WIDTH, NOISE = 0.5, 0.8, 0.02, 0.02
+ACTION = '/arm/follow_joint_trajectory'
+REST = np.zeros((3, len(JOINTS)))
+
+
+class MovedArm(Node):
+    """It follows plans exactly; beyond `blocked_at` [rad] its first joint does not move."""
+
+    def __init__(self) -> None:
+        super().__init__('moved_arm')
+        self._blocked_at = self.declare_parameter('blocked_at', np.inf).value
+        self._arm, self._rng = random_arm((R, R), seed=3), np.random.default_rng(0)
+        self._lock = threading.Lock()
+        self._plan: tuple[Array, Array] | None = None  # times, states
+        self._begun, self._q = 0.0, REST[0].copy()
+        self._states = self.create_publisher(JointState, '/joint_states', qos.OUTPUT)
+        own = ReentrantCallbackGroup()
+        self._server = ActionServer(
+            self,
+            FollowJointTrajectory,
+            ACTION,
+            execute_callback=self._execute,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+            callback_group=own,
+        )
+        self.create_timer(1.0 / RATE_HZ, self._tick, callback_group=own)
+
+    def _execute(self, handle: Any) -> Any:
+        points = handle.request.trajectory.points
+        names = handle.request.trajectory.joint_names
+        order = [names.index(joint) for joint in JOINTS]
+        t = np.array([p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points])
+        rows = np.array([[p.positions, p.velocities, p.accelerations] for p in points])
+        with self._lock:
+            self._plan, self._begun = (t, rows[:, :, order]), time.monotonic()
+        while time.monotonic() - self._begun < t[-1]:
+            if handle.is_cancel_requested:
+                self._end()
+                handle.canceled()
+                return FollowJointTrajectory.Result()
+            time.sleep(0.002)
+        self._end()
+        handle.succeed()
+        return FollowJointTrajectory.Result()
+
+    def _end(self) -> None:
+        with self._lock:
+            self._plan = None
+
+    def _tick(self) -> None:
+        with self._lock:
+            q, dq, ddq = self._state()
+            self._q = q
+        load = self._arm.torque(q[None], dq[None], ddq[None])[0]
+        friction = VISCOUS * dq + COULOMB * np.tanh(dq / WIDTH)
+        tau = load + friction + NOISE * self._rng.standard_normal(len(q))
+        now = self.get_clock().now().to_msg()
+        self._states.publish(messages.joint_state_message(now, JOINTS, q, dq, tau))
+
+    def _state(self) -> Array:
+        if self._plan is None:
+            return np.stack([self._q, *REST[1:]])
+        t, rows = self._plan
+        since = time.monotonic() - self._begun
+        flat = rows.reshape(len(t), -1).T
+        state = np.array([np.interp(since, t, column) for column in flat]).reshape(3, -1)
+        if abs(state[0, 0]) > self._blocked_at:
+            state[:, 0] = np.sign(state[0, 0]) * self._blocked_at, 0.0, 0.0
+        return state
+
+
+def main() -> None:
+    rclpy.init()
+    executor = MultiThreadedExecutor(num_threads=3)
+    executor.add_node(MovedArm())
+    with suppress(KeyboardInterrupt, ExternalShutdownException):
+        executor.spin()

@@ -1,0 +1,171 @@
+"""Node `excite` beside `train` and an arm: from nothing to a model, and what stops the arm."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import signal
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+pytest.importorskip('control_msgs', reason='needs control_msgs')
+
+from nodes.moved_arm import ACTION, JOINTS
+from sensor_msgs.msg import JointState
+
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.nodes import qos
+
+if TYPE_CHECKING:
+    from nodes.ros_graph import Client, Process, Ros
+
+pytestmark = pytest.mark.ros
+
+TESTS = str(Path(__file__).resolve().parents[1])
+PROGRAM = f'import sys; sys.path.insert(0, {TESTS!r}); from nodes.moved_arm import main; main()'
+SETTINGS = """
+motion: {joints: [shoulder, elbow], duration_s: 10.0, lower: [-1.5], upper: [1.5], velocity: [2.0]}
+search: {draws: 4, starts: 1, steps: 5}
+"""
+
+
+def started(ros: Ros, folder: Path, arm: tuple[str, ...] = (), **parameters: Any) -> Process:
+    """Start the arm, `train` and `excite`; return the arm."""
+    graph, client = ros
+    moved = graph.start_program('moved_arm', ['-c', PROGRAM, '--ros-args', *arm])
+    graph.start('train', recording__joints=list(JOINTS), model_path=str(folder / 'model.npz'))
+    settings = folder / 'excite.yaml'
+    settings.write_text(SETTINGS)
+    own = {
+        'controller_action': ACTION,
+        'config_path': str(settings),
+        'motion_path': str(folder / 'motion.yaml'),
+        'effort_limits': 'none',
+        'tracking_tolerance': [10.0],  # the arm may lag where the machine is busy
+        'stale_timeout_s': 30.0,
+        'confirm': False,
+        'first_size': 0.5,
+    }
+    graph.start('excite', **own | parameters)
+    client.listen(JointState, '/joint_states', qos.SENSOR_STREAM)
+    client.wait_until(lambda: client.received['/joint_states'], 'joint states')
+    client.status('train', lambda status: True)
+    return moved
+
+
+def begin(client: Client) -> None:
+    client.wait_until(lambda: client.trigger('/excite/start').success, 'the start')
+
+
+def position(client: Client) -> np.ndarray:
+    return np.array(client.received['/joint_states'][-1].position)
+
+
+def await_hold(client: Client) -> None:
+    """Wait until the arm rests, on its way: at its end the motion is back at zero."""
+    states = client.received['/joint_states']
+    client.wait_until(
+        lambda: len(states) > 50 and states[-1].position == states[-20].position, 'the arm at rest'
+    )
+    assert np.abs(position(client)).max() > 1e-3
+
+
+@pytest.mark.slow
+def test_from_nothing_to_a_model(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    started(ros, tmp_path, rounds=2, confirm=True)
+    begin(client)
+    for number in (1, 2):
+        waiting = client.status(
+            'excite',
+            lambda status: status['stage'] == 'waiting for confirm' and status['round'] == number,  # noqa: B023
+        )
+        assert np.abs(position(client)).max() < 1e-3  # nothing moves before leave is given
+        assert client.trigger('/excite/confirm').success, waiting
+    ended = client.status('excite', lambda status: status['stage'] in ('done', 'stopped'))
+    assert ended['stage'] == 'done', ended
+    # the second motion is larger, and is designed for what the first has not shown
+    assert ended['size'] > 0.5
+    assert len(ended['deviation_percent'][0]) == len(JOINTS)
+    assert {each.name for each in tmp_path.glob('motion_*.yaml')} == {
+        'motion_1.yaml',
+        'motion_2.yaml',
+    }
+    model = InverseDynamicsModel.load(ended['model_path'])
+    assert max(model.summary['unexplained_percent']) < 5.0
+
+
+def test_a_blocked_joint_stops_the_motion(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    started(ros, tmp_path, ('-p', 'blocked_at:=0.1'), first_size=1.0, tracking_tolerance=[0.2])
+    begin(client)
+    ended = client.status('excite', lambda status: status['stage'] == 'stopped')
+    assert 'shoulder is 0.2' in ended['summary']
+    assert 'away from its plan' in ended['summary']
+    still = position(client)
+    client.received['/joint_states'].clear()
+    client.wait_until(lambda: len(client.received['/joint_states']) > 20, 'joint states')
+    np.testing.assert_allclose(position(client), still, atol=1e-9)
+    # what was recorded is kept
+    kept = client.status('train', lambda status: not status['recording'])
+    assert kept['rows'] > 0
+
+
+def test_an_arm_that_falls_silent_stops_the_motion(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    arm = started(ros, tmp_path, stale_timeout_s=0.5)
+    begin(client)
+    client.status('excite', lambda status: status['stage'] == 'moving')
+    client.wait_until(lambda: np.abs(position(client)).max() > 0.01, 'a motion')
+    arm.hold()
+    ended = client.status('excite', lambda status: status['stage'] == 'stopped')
+    assert 'no joint state for' in ended['summary']
+    arm.send(signal.SIGCONT)
+    await_hold(client)
+
+
+def test_leave_is_asked_for_and_a_stop_is_heeded(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    started(ros, tmp_path, confirm=True)
+    assert not client.trigger('/excite/confirm').success
+    begin(client)
+    assert not client.trigger('/excite/start').success
+    client.status('excite', lambda status: status['stage'] == 'waiting for confirm')
+    assert client.trigger('/excite/stop').success
+    ended = client.status('excite', lambda status: status['stage'] == 'stopped')
+    assert '~/stop was called' in ended['summary']
+    assert np.abs(position(client)).max() == 0.0
+
+
+def test_an_effort_beyond_its_limit_stops_the_motion(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    started(ros, tmp_path, effort_limits=[0.01])
+    begin(client)
+    ended = client.status('excite', lambda status: status['stage'] == 'stopped')
+    assert 'has an effort of' in ended['summary']
+
+
+def test_a_killed_node_leaves_the_arm_to_its_controller_and_the_data_to_train(
+    ros: Ros, tmp_path: Path
+) -> None:
+    graph, client = ros
+    started(ros, tmp_path, rounds=1)
+    begin(client)
+    client.status('excite', lambda status: status['stage'] == 'moving')
+    excite = graph.processes[-1]
+    client.wait_until(lambda: np.abs(position(client)).max() > 0.01, 'a motion')
+    assert excite.end(signal.SIGTERM) == 0
+    await_hold(client)
+
+
+def test_what_is_missing_is_named(ros: Ros, tmp_path: Path) -> None:
+    graph, _ = ros
+    for parameters, sentence in (
+        ({}, 'controller_action must be the action'),
+        ({'controller_action': ACTION}, 'effort_limits must be given'),
+    ):
+        process = graph.start('excite', **parameters)
+        assert process.wait() == 1
+        assert sentence in process.log
