@@ -25,7 +25,7 @@ from lip_id_ros.identification.friction_selection import EVERY_TERM, Offer
 from lip_id_ros.identification.geometry_selection import select_geometry
 from lip_id_ros.identification.lever_steps import with_lever_steps
 from lip_id_ros.identification.link_torques import links_torque
-from lip_id_ros.identification.placement_search import Calibration
+from lip_id_ros.identification.placement_search import Calibration, in_near_frames
 from lip_id_ros.identification.posterior import known_of, posterior, table_deviations
 from lip_id_ros.identification.residual_gp_selection import select_residual_gp
 from lip_id_ros.identification.sample_selection import (
@@ -177,6 +177,8 @@ def _identified(
     if rows.size < dataset.n_samples:  # a long recording is not copied for nothing
         dataset = dataset.select(rows)
     search, calibration, disturbances = _calibrated(fitter.of(dataset), find, seed, progress)
+    if not fitter.is_described:
+        calibration = in_near_frames(search.search_samples(), calibration)
     fitter, agree = search.fitter, halves_agree(search, calibration)
     fit = _fitted(fitter, calibration, OFFERS[terms], progress)
     fit, arm, solution, total = posterior(fitter, fit)

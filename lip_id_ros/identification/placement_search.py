@@ -100,16 +100,19 @@ def refine(samples: Samples, few: int, found: Calibration) -> Calibration:
         minima, noise_std = _refined(few_of(samples, few), minima, noise_std, floor, pool)
         # Few samples may order nearly equal minima wrongly.
         minima, noise_std = _refined(samples, minima[:FINALISTS], noise_std, floor, pool)
-    # what follows depends on the frames of links, of which torques say nothing
-    problem = PlacementProblem(samples, noise_std)
-    minima = [_in_near_frames(problem, each) for each in minima]
     return replace(found, placements=minima[0], candidates=tuple(minima), noise_std=noise_std)
 
 
-def _in_near_frames(problem: PlacementProblem, found: Placements) -> Placements:
-    """Return the same arm, or its mirror image, in frames that are near each other."""
-    chain = with_near_frames(found.chain)
-    return problem.at(chain.rotations, chain.translations)
+def in_near_frames(samples: Samples, found: Calibration) -> Calibration:
+    """
+    Return the same arms, or their mirror images, in frames that are near each other.
+
+    A fit depends on the frames that it starts from, of which torques contain nothing.
+    """
+    problem = PlacementProblem(samples, found.noise_std)
+    chains = [with_near_frames(each.chain) for each in found.candidates]
+    minima = tuple(problem.at(each.rotations, each.translations) for each in chains)
+    return replace(found, placements=minima[0], candidates=minima)
 
 
 def calibration_at(chain: Chain, samples: Samples) -> Calibration:
