@@ -328,7 +328,7 @@ def test_what_is_interrupted_is_computed_no_further(model_path: str) -> None:
     process = worker._process
     assert process is not None
     requests, answers = (cast('BinaryIO', each) for each in (process.stdin, process.stdout))
-    header = json.dumps(asdict(settings)).encode()
+    header = json.dumps({'settings': asdict(settings), 'numbers': None}).encode()
     plans._write(requests, header, serialize_message(plan(10_000)))
     while not select.select([answers], [], [], 0.001)[0]:
         process.send_signal(plans.ABANDON)
