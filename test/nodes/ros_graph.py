@@ -165,6 +165,7 @@ class Client:
         if topic not in self._subscriptions:
             return
         subscription = self._subscriptions.pop(topic)
+        del self.received[topic]
         task = self.node.executor.create_task(self.node.destroy_subscription, subscription)
         self.wait_until(task.done, 'the end of a subscription')
 

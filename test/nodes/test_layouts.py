@@ -85,7 +85,13 @@ def of_the_node(node: Any) -> dict[str, set[str]]:
 
 def test_layouts_and_documentation_name_what_is_there(ros: Ros, model_path: str) -> None:
     graph, client = ros
-    everything = ('publish_parts', 'publish_std', 'publish_commands', 'follow_controller')
+    everything = (
+        'publish_parts',
+        'publish_std',
+        'publish_commands',
+        'follow_controller',
+        'follow_adaptation',
+    )
     start_serve(graph, model_path=model_path, **dict.fromkeys(everything, True))
     client.status('serve', lambda status: status['state'] == 'active')
     kinds: dict[str, str] = {'/joint_states': 'sensor_msgs/msg/JointState'}

@@ -98,7 +98,7 @@ def test_a_stopped_motion_is_followed_and_ends_at_rest_without_a_jump() -> None:
     q, dq, ddq = motion.sample(t)
     before = t <= 3.0
     for found, followed in zip((q, dq, ddq), random(1).sample(t[before]), strict=True):
-        np.testing.assert_array_equal(found[before], followed)
+        np.testing.assert_allclose(found[before], followed, rtol=0.0, atol=1e-12)
     assert not dq[t > 3.501].any()
     for values, slope in ((q, dq), (dq, ddq)):
         mean = 0.5 * (slope[1:] + slope[:-1]) * 1e-3
