@@ -16,7 +16,7 @@ from lip_id_ros.model import InverseDynamicsModel, Prediction, Query
 from lip_id_ros.model.running_memory import RunningMemory
 from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.signals.joints import Refusal, RefusedError
-from lip_id_ros.signals.status import Tally
+from lip_id_ros.signals.status import in_words, Tally
 from lip_id_ros.signals.torque_steps import LONGEST_STEP_S
 
 STATES = 100
@@ -160,8 +160,7 @@ class AdaptedModel:
         """Return in words what went wrong with updates since the last call, empty if nothing."""
         refused = self.tally.new_refusals()
         if refused:
-            listed = ', '.join(f'{key} {n}' for key, n in sorted(refused.items()))
-            return f'updates refused: {listed}'
+            return f'updates refused: {in_words(refused)}'
         if self.rules.follows and self._counter is None and self.n_gone_back:
             return f'serves the commissioned model: {self._why}'
         return ''

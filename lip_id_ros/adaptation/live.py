@@ -22,7 +22,7 @@ from lip_id_ros.settings.settings import AT_START
 from lip_id_ros.signals.filters import LowPass
 from lip_id_ros.signals.joint_states import JointStateReader, MeasuredState, StampWatch
 from lip_id_ros.signals.joints import Refusal, RefusedError, require_joints, require_unique
-from lip_id_ros.signals.status import Level, Status, Tally
+from lip_id_ros.signals.status import in_words, Level, Status, Tally
 
 SILENCE_S = 2.0
 """After so long without a joint state nobody knows whether an update still holds."""
@@ -318,8 +318,7 @@ class LiveAdaptation:
             sentences = ' '.join(each.sentence() for each in self._alarming())
             level, summary = Level.WARN, sentences
         elif refused:
-            reasons = ', '.join(f'{key} {n}' for key, n in sorted(refused.items()))
-            level, summary = Level.WARN, f'joint states refused: {reasons}'
+            level, summary = Level.WARN, f'joint states refused: {in_words(refused)}'
         return Status(level, summary, self.values())
 
     @property

@@ -153,10 +153,10 @@ def design_motion(
         If a file cannot be read.
 
     """
-    config = _config(settings)
+    config = config_of(settings)
     description = None if urdf is None else urdf_text(urdf)
     if model is not None:
-        config = _of_model(config, model)
+        config = of_model(config, model)
     names, types, chain = joints_of(config.motion, description)
     largest = limits_from(config.motion, names, description)
     posture = posture_from(config.motion, largest)
@@ -218,7 +218,8 @@ def _constraints(
     return Constraints(found)
 
 
-def _of_model(config: ExcitationConfig, model: Any) -> ExcitationConfig:
+def of_model(config: ExcitationConfig, model: Any) -> ExcitationConfig:
+    """Return settings with the joints of a model; raise errors where the two do not match."""
     if not isinstance(model, InverseDynamicsModel) or model.arm is None:
         kind = model.kernel if isinstance(model, InverseDynamicsModel) else shortened(model)
         raise ModelError(
@@ -243,7 +244,8 @@ def _states(targets: Any, model: InverseDynamicsModel) -> States:
     return chosen.q[rows], chosen.dq[rows], chosen.ddq[rows]
 
 
-def _config(settings: Any) -> ExcitationConfig:
+def config_of(settings: Any) -> ExcitationConfig:
+    """Return settings, those of a YAML file, or the usual ones for None."""
     if settings is None:
         return ExcitationConfig()
     if isinstance(settings, ExcitationConfig):

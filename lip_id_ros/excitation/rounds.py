@@ -15,13 +15,18 @@ from lip_id_ros.description.urdf import urdf_text
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.excitation.constraints import next_size
 from lip_id_ros.excitation.joint_limits import limits_from, posture_from
-from lip_id_ros.excitation.planning import design_motion, ExcitingMotion, joints_of
+from lip_id_ros.excitation.planning import (
+    config_of,
+    design_motion,
+    ExcitingMotion,
+    joints_of,
+    of_model,
+)
 from lip_id_ros.excitation.settings import ExcitationConfig
 from lip_id_ros.excitation.trajectory_file import Trajectory
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.proof import missing_proof
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.settings import read_sections
 
 Urdf = tuple[str, str]
 """Text, and where it comes from."""
@@ -84,11 +89,9 @@ def next_motion(
     has no position.
     """
     model = InverseDynamicsModel.load(request.model_path) if request.model_path else None
-    config = ExcitationConfig()
-    if request.config_path:
-        config = read_sections(request.config_path, config)
+    config = config_of(request.config_path or None)
     if model is not None:
-        config = replace(config, motion=replace(config.motion, joints=model.joint_names))
+        config = of_model(config, model)
     urdf = urdf_text(request.description) if request.description else None
     config = _at_present(config, urdf, request.positions)
     config = replace(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from lip_id_ros.settings import executor_setting, setting, Settings
 from lip_id_ros.settings.settings import AT_START, PER_JOINT
+from lip_id_ros.signals.torque_steps import UNLIMITED
 
 ERROR, INFORMATION = 'error', 'information'
 NONE = 'none'
@@ -134,9 +135,6 @@ class ExcitationConfig:
     motion: MotionSettings = field(default_factory=MotionSettings)
     space: SpaceSettings = field(default_factory=SpaceSettings)
     search: SearchSettings = field(default_factory=SearchSettings)
-
-
-UNLIMITED = 'none'
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ from lip_id_ros.signals.joints import (
     Refusal,
     RefusedError,
 )
-from lip_id_ros.signals.status import Level
+from lip_id_ros.signals.status import in_words, Level
 from lip_id_ros.signals.torque_steps import Sent
 
 COUNTED = (*shaping.COUNTED, 'stale', 'slowed', 'late_plans')
@@ -386,7 +386,7 @@ class Server:
     def judge(self, failure: str, now: float) -> tuple[Level, str]:
         """Judge in a sentence what came since the last call; `failure` is that of a reload."""
         new = self.counts.new_alarms()
-        alarms = ', '.join(f'{key} {n}' for key, n in sorted(new.items()))
+        alarms = in_words(new)
         arm = self._arm
         if arm is None:
             return (Level.ERROR, failure) if failure else (Level.OK, 'inactive')

@@ -51,7 +51,7 @@ from lip_id_ros.signals.joints import (
     require_joints,
     require_unique,
 )
-from lip_id_ros.signals.status import Level, Tally
+from lip_id_ros.signals.status import in_words, Level, Tally
 
 LONGEST_GAP_S = 0.2
 NEARLY = 0.95
@@ -259,12 +259,12 @@ class Monitor:
         if silence > SILENCE_S:
             return Level.ERROR, f'blind: no joint states for {silence:.0f} s'
         if self._n_unusable >= CONFIRMED_BY:
-            trouble = f'refused: {_in_words(self._refused)}' if self._refused else apart
+            trouble = f'refused: {in_words(self._refused)}' if self._refused else apart
             return Level.ERROR, f'blind: joint states {trouble}'
         if self._failure:
             return Level.ERROR, self._failure
         if refused:
-            return Level.WARN, f'joint states refused: {_in_words(refused)}'
+            return Level.WARN, f'joint states refused: {in_words(refused)}'
         if new['after_a_gap'] > 1:
             return Level.WARN, f'{new["after_a_gap"]} joint states not watched: they came {apart}'
         if self._adapted is not None and (trouble := self._adapted.new_trouble()):
@@ -360,7 +360,3 @@ class Monitor:
         return by_joint(
             name, getattr(self._settings, name), self._settings.joints, self.joint_names, 0.0
         )
-
-
-def _in_words(counts: Counter[str]) -> str:
-    return ', '.join(f'{key} {n}' for key, n in sorted(counts.items()))

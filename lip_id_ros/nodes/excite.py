@@ -70,6 +70,7 @@ class ExciteNode(NodeBase):
         self._round, self._size, self._model_path = 0, 0.0, settings.model_path
         self._deviations: list[tuple[float, ...]] = []
         self._positions: dict[str, float] = {}
+        self._heard_of: dict[str, float] = {}
         self._heard_at = -np.inf
         self._watch: MotionWatch | None = None
         self._goal: Any = None
@@ -284,6 +285,7 @@ class ExciteNode(NodeBase):
         if len(message.position) != len(message.name):
             return  # of a publisher of something else
         self._positions.update(zip(message.name, message.position, strict=True))
+        self._heard_of.update(dict.fromkeys(message.name, time.monotonic()))
         if self._watch is None or not set(self._names) <= set(message.name):
             return
         self._heard_at = time.monotonic()
@@ -344,7 +346,11 @@ class ExciteNode(NodeBase):
         tolerance = by_joint(
             'start_tolerance', self._settings.start_tolerance, names, names, np.inf
         )
+        now = time.monotonic()
         for name, planned, most in zip(names, posture, tolerance, strict=True):
+            silence = now - self._heard_of.get(name, -np.inf)
+            if silence > self._settings.stale_timeout_s:
+                raise HaltError(f'no joint state of {name} for {silence:.3g} s; start the driver')
             away = abs(self._positions.get(name, np.nan) - planned)
             if not away <= most:
                 raise HaltError(

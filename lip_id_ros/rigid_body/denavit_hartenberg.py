@@ -190,11 +190,16 @@ def chain_of(old: Chain, base: Pose, links: Pose) -> Chain:
     return old._replace(rotations=to_parent @ axes[1:], translations=translations, gravity=gravity)
 
 
+def up_of(chain: Chain, old: Pose) -> Array:
+    """Return the unit vector against gravity, or along the first axis where there is none."""
+    size = np.linalg.norm(chain.gravity)
+    return np.asarray(-chain.gravity / size if size > 0.0 else old.axes[0, :, 2])
+
+
 def _standard_poses(chain: Chain, old: Pose) -> tuple[Pose, Pose]:
     """Return the frames of the base and of all links, in the old base."""
     z, n = old.axes[:, :, 2], len(chain.prismatic)
-    size = np.linalg.norm(chain.gravity)
-    up = -chain.gravity / size if size > 0.0 else z[0]
+    up = up_of(chain, old)
     normal = np.cross(up, z[0])
     vertical = np.linalg.norm(normal) <= PARALLEL
     x = None if vertical else normal / np.linalg.norm(normal)

@@ -18,6 +18,7 @@ from lip_id_ros.rigid_body.denavit_hartenberg import (
     PARALLEL,
     Pose,
     poses,
+    up_of,
 )
 
 TURNED = -0.5
@@ -74,8 +75,7 @@ def _first_origin(chain: Chain, old: Pose) -> Array:
 
 def _base(chain: Chain, old: Pose) -> Array:
     """Return the axes of a base whose z axis is up, turned to the first horizontal axis."""
-    size = np.linalg.norm(chain.gravity)
-    up = -chain.gravity / size if size > 0.0 else old.axes[0, :, 2]
+    up = up_of(chain, old)
     level = old.axes[:, :, 2] - np.outer(old.axes[:, :, 2] @ up, up)
     lengths = np.linalg.norm(level, axis=1)
     first = int(np.argmax(lengths > min(HORIZONTAL, 0.5 * lengths.max())))

@@ -31,6 +31,11 @@ class Status:
     values: Mapping[str, Any] = field(default_factory=dict)
 
 
+def in_words(counts: Mapping[str, int]) -> str:
+    """Return keys and counts, in the order of the keys."""
+    return ', '.join(f'{key} {n}' for key, n in sorted(counts.items()))
+
+
 class Tally:
     """
     Counts of messages: every message received is used, or refused for a reason.

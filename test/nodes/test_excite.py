@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 import signal
+import time
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -124,6 +125,23 @@ def test_an_arm_that_falls_silent_stops_the_motion(ros: Ros, tmp_path: Path) -> 
     assert 'no joint state for' in ended['summary']
     arm.send(signal.SIGCONT)
     await_hold(client)
+
+
+def test_an_arm_whose_place_is_not_known_now_does_not_move(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    arm = started(ros, tmp_path, confirm=True, stale_timeout_s=0.5)
+    begin(client)
+    client.status('excite', lambda status: status['stage'] == 'waiting for confirm')
+    arm.hold()
+    silent_since, states = time.monotonic(), client.received['/joint_states']
+    client.wait_until(lambda: time.monotonic() - silent_since > 1.0, 'silence')
+    assert client.trigger('/excite/confirm').success
+    ended = client.status('excite', lambda status: status['stage'] == 'stopped')
+    assert 'no joint state of shoulder for' in ended['summary']
+    arm.send(signal.SIGCONT)
+    heard = len(states)
+    client.wait_until(lambda: len(states) > heard + 50, 'joint states')
+    assert np.abs(position(client)).max() == 0.0
 
 
 def test_leave_is_asked_for_and_a_stop_is_heeded(ros: Ros, tmp_path: Path) -> None:
