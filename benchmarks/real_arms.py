@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -29,6 +30,9 @@ from lip_id_ros.progress import silent
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 
 PLAIN = ('se', 'gip', 'lip', 'recursive')
+PERTURBATION = 1e-10
+"""Of torques, relative, in all fits but the first."""
+
 KNOWN = ('rigid_body', 'rigid_body_friction')
 """With kinematics of a URDF; as those of the default, their samples are all, near rest too."""
 
@@ -42,25 +46,49 @@ def main(arguments: list[str]) -> int:
     parser.add_argument('--splits', nargs='+', choices=SPLITS, default=list(SPLITS))
     parser.add_argument('--models', nargs='+', default=[ARTICULATED, *KNOWN, *PLAIN])
     parser.add_argument('--min-velocity', type=float, default=-1.0, help='(default: by the model)')
+    parser.add_argument(
+        '--fits', type=int, default=1, help='of slightly different torques, for the median of each'
+    )
     options = parser.parse_args(arguments)
     preprocessing = PreprocessingSettings(min_velocity=options.min_velocity)
     results = Results(options.results)
     for model, name, split in product(options.models, options.arms, options.splits):
-        measure = partial(_measured, ARMS[name], options.data, split, model, preprocessing)
+        measure = partial(
+            _median, ARMS[name], options.data, split, model, preprocessing, options.fits
+        )
         results.row(f'{name}, {split} | {model}', measure)
     for table in (accuracy, known_kinematics, plain):
         print(*table(results.rows), '', sep='\n')
     return 0
 
 
-def _measured(
-    arm: RealArm, data: Path, split: str, model: str, preprocessing: PreprocessingSettings
+def _median(
+    arm: RealArm,
+    data: Path,
+    split: str,
+    model: str,
+    preprocessing: PreprocessingSettings,
+    count: int,
 ) -> Row:
+    """Return the fit of the median geometric mean of errors, and the lowest and the highest."""
     kernel = ARTICULATED if model in KNOWN else model
     train, test = arm.split(data, split, kernel, preprocessing)
+    rows = []
+    for seed in range(count):
+        noise = np.random.default_rng(seed).standard_normal(train.tau.shape)
+        changed = replace(train, tau=train.tau * (1.0 + (seed > 0) * PERTURBATION * noise))
+        rows.append(_measured(changed, test, model, data / arm.urdf))
+    if any('error' in row for row in rows):
+        return next(row for row in rows if 'error' in row)
+    rows.sort(key=_geometric_mean)
+    spread = [_geometric_mean(rows[0]), _geometric_mean(rows[-1])]
+    return {**rows[(count - 1) // 2], 'spread': spread}
+
+
+def _measured(train: Dataset, test: Dataset, model: str, urdf: Path) -> Row:
     started = time.process_time()
     try:
-        fitted: TorqueModel = method(model, data / arm.urdf).fit(train, FitSettings(), silent)
+        fitted: TorqueModel = method(model, urdf).fit(train, FitSettings(), silent)
     except LipIdError as error:
         return {'error': str(error)}
     row: Row = {'samples': train.n_samples, 'cpu_s': time.process_time() - started}
@@ -81,11 +109,13 @@ def _coverage(model: InverseDynamicsModel, test: Dataset) -> Array:
 
 
 def accuracy(rows: Mapping[str, Row]) -> Iterator[str]:
-    """Yield a line for each fit of the default: errors, their means, coverage, CPU seconds."""
+    """Yield a line for each split: errors, their means, spread of fits, coverage, CPU seconds."""
     for name, row in _of(rows, ARTICULATED).items():
         errors = ' '.join(_short(x) for x in row['nmse'])
         covered = ' '.join(f'{x:.0f}' for x in row['coverage'])
-        yield _line(f'{name} 30 %', errors, *_means(row), covered, f'{row["cpu_s"]:.0f}')
+        spread = ' to '.join(_short(x) for x in row['spread'])
+        cells = (errors, *_means(row), spread, covered, f'{row["cpu_s"]:.0f}')
+        yield _line(f'{name} 30 %', *cells)
 
 
 def known_kinematics(rows: Mapping[str, Row]) -> Iterator[str]:
@@ -126,9 +156,12 @@ def _of(rows: Mapping[str, Row], model: str) -> dict[str, Row]:
     return {name: row for (name, each), row in pairs.items() if each == model}
 
 
+def _geometric_mean(row: Row) -> float:
+    return float(np.exp(np.log(row['nmse']).mean()))
+
+
 def _means(row: Row) -> tuple[str, str]:
-    errors = np.array(row['nmse'])
-    return _short(errors.mean()), _short(np.exp(np.log(errors).mean()))
+    return _short(float(np.mean(row['nmse']))), _short(_geometric_mean(row))
 
 
 def _short(value: float) -> str:

@@ -77,13 +77,20 @@ def test_summary_compares_medians_with_the_first_model() -> None:
 
 def test_rows_of_real_arms_are_those_of_the_pages() -> None:
     rows: dict[str, Row] = {
-        'UR10, last | articulated': {'nmse': [1.0, 4.0], 'coverage': [95.4, 100.0], 'cpu_s': 9.7},
+        'UR10, last | articulated': {
+            'nmse': [1.0, 4.0],
+            'spread': [1.9, 2.2],
+            'coverage': [95.4, 100.0],
+            'cpu_s': 9.7,
+        },
         'UR10, last | rigid_body': {'nmse': [2.0, 4.0]},
         'UR10, last | gip': {'nmse': [2.0, 2.0]},
         'UR10, last | lip': {'nmse': [2.0, 8.0]},
         'UR10, first | rigid_body': {'error': 'of no use'},
     }
-    assert list(real_arms.accuracy(rows)) == ['| UR10, last 30 % | 1 4 | 2.5 | 2 | 95 100 | 10 |']
+    assert list(real_arms.accuracy(rows)) == [
+        '| UR10, last 30 % | 1 4 | 2.5 | 2 | 1.9 to 2.2 | 95 100 | 10 |'
+    ]
     assert list(real_arms.known_kinematics(rows)) == [
         '| UR10, last | 2.5 | 2 | 3 | 2.8 | 0.71 |',
         '| all joints | rigid_body | 0.71 |',
