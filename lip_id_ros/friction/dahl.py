@@ -78,6 +78,19 @@ def _dahl(size: Array, begins: BoolArray, before: Array, displacements: Array) -
     return out
 
 
+@jit
+def advance_dahl(step: float, dq: float, begins: bool, is_revolute: bool, states: Array) -> None:
+    """Advance the states (D,) of one joint by a step, as `Steps` and `dahl_states` do."""
+    if is_revolute:
+        step -= TURN * np.round(step / TURN)
+    if begins or not np.isfinite(step):
+        step = BEFORE_S * dq if np.isfinite(dq) else 0.0
+        states[:] = 0.0
+    sign = np.sign(step)
+    for d in range(len(DISPLACEMENTS)):
+        states[d] = sign + (states[d] - sign) * np.exp(-abs(step) / DISPLACEMENTS[d])
+
+
 class Steps(NamedTuple):
     """
     The displacements of joints along a path.

@@ -147,6 +147,26 @@ def test_an_array_that_is_used_again_spoils_no_memory(model: InverseDynamicsMode
         np.testing.assert_allclose(memory.torque(state, now), torque, atol=1e-9)
 
 
+def test_other_coefficients_remember_the_same_stream(model: InverseDynamicsModel) -> None:
+    t, states = motion(model)
+    rows = list(zip(t.tolist(), np.stack(states, axis=1), strict=True))
+    assert model.arm is not None
+    friction = model.arm.friction
+    doubled = replace(friction, coefficients=2.0 * friction.coefficients)
+    other = replace(model, arm=replace(model.arm, friction=doubled))
+    memory = model.running_memory()
+    for now, state in rows[:-1]:
+        assert memory is not None
+        memory.torque(state, now)
+    stronger = other.running_memory(memory)
+    assert memory is not None
+    assert stronger is not None
+    now, state = rows[-1]
+    expected = memory.torque(state, now)
+    assert expected.any()
+    np.testing.assert_allclose(stronger.torque(state, now), 2.0 * expected, rtol=1e-12)
+
+
 def test_a_stream_that_was_silent_begins_anew(model: InverseDynamicsModel) -> None:
     t, states = motion(model)
     memory = model.running_memory()
