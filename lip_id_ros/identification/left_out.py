@@ -17,6 +17,7 @@ from scipy.linalg import lapack
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.identification.statistics import TorqueStatistics
 from lip_id_ros.linear_algebra import normal_factor
+from lip_id_ros.numba_jit import jit
 
 LEFT_OUT_TOGETHER = (1, 2)
 """Numbers of neighbouring blocks that are left out together: two schemes of folds."""
@@ -202,17 +203,15 @@ class _Fits:
         self._lay_out(blocks.joints)
 
     def _lay_out(self, joints: Sequence[_Joint]) -> None:
-        """Lay out the rows and normal equations of all joints with the parameters in use."""
-        size, n_blocks = self._used.size + 1, len(self._counts)
+        """Find the parameters in use among those of each joint."""
         local = np.full(self._all + 1, -1)
-        local[self._used], local[-1] = np.arange(size - 1), size - 1
-        self._rows = []
-        self._products = np.zeros((len(joints), n_blocks, size, size))
-        for joint, products in zip(joints, self._products, strict=True):
+        local[self._used], local[-1] = np.arange(self._used.size), self._used.size
+        self._rows, self._products = [], []
+        for joint in joints:
             at = np.flatnonzero(local[joint.columns] >= 0)
             to = local[joint.columns[at]]
             self._rows.append((to, joint.rows[:, :, at]))
-            products[:, to[:, None], to] = joint.products[:, at[:, None], at]
+            self._products.append((joint.products, at, to))
 
     def placed(self, thetas: Array) -> Array:
         """Return parameters (..., Q) among all of them, shape (..., P)."""
@@ -222,14 +221,25 @@ class _Fits:
 
     def normal_equations(self, noise_std: Array) -> Array:
         """Return [F, tau]^T [F, tau] of every block in units of the noise, (K, Q + 1, Q + 1)."""
-        flat = self._products.reshape(len(noise_std), -1)
-        return np.asarray((noise_std**-2.0 @ flat).reshape(self._products.shape[1:]))
+        size = self._used.size + 1
+        out = np.zeros((len(self._counts), size, size))
+        for weight, (products, at, to) in zip(noise_std**-2.0, self._products, strict=True):
+            _add_products(out, weight, products, at, to)
+        return out
 
     def left_out(self, first: IndexArray, parts: Array) -> tuple[Array, Array]:
         """Return parameters without each set of blocks, and mean squares (sets, groups, n)."""
-        thetas = self.solutions(parts.sum(axis=0) - np.add.reduceat(parts, first))
+        thetas = self.solutions(parts.sum(axis=0) - self._sums(parts, first))
         counts = np.add.reduceat(self._counts, first)
         return thetas, np.asarray(self.squares(first, thetas) / counts.mean(axis=0))
+
+    def _sums(self, parts: Array, first: IndexArray) -> Array:
+        """Return the sums of the blocks' normal equations over each set."""
+        if len(first) == len(parts):
+            return parts
+        sizes = np.diff(np.append(first, len(parts)))
+        members = np.repeat(np.eye(len(first)), sizes, axis=1)
+        return (members @ parts.reshape(len(parts), -1)).reshape(-1, *parts.shape[1:])
 
     def mean_squares(self, first: IndexArray, noise_std: Array) -> Array:
         """Return mean squared errors over the sets of blocks that are left out, (groups, n)."""
@@ -276,6 +286,18 @@ class _Fits:
             for factor, each, more in zip(factors, half, rest, strict=True)
         ]
         return np.concatenate([np.array(first), rest[..., :-1]], axis=2)
+
+
+@jit
+def _add_products(
+    out: Array, weight: float, products: Array, at: IndexArray, to: IndexArray
+) -> None:
+    """Add normal equations (K, c, c) at some parameters to others' (K, Q, Q), with a weight."""
+    for k in range(len(out)):
+        for a in range(len(at)):
+            row, column = products[k, at[a]], out[k, to[a]]
+            for b in range(len(at)):
+                column[to[b]] += weight * row[at[b]]
 
 
 def bounded_solutions(normal: Array, right: Array, bounded: BoolArray) -> Array:

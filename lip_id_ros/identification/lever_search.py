@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+import math
 
 import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
 from lip_id_ros.arrays import Array, IndexArray
-from lip_id_ros.friction.conservative_terms import ECCENTRICITIES, lever_features, LeverSpring
+from lip_id_ros.friction.conservative_terms import ECCENTRICITIES, LeverSpring
 from lip_id_ros.linear_algebra import normal_factor
 
 TRIED = (12, 36)
@@ -32,6 +33,9 @@ ROUNDS, SAME, LEAST_NOISE = 10, 0.95, 1e-5
 Rounds with noise estimated anew, at most and while it falls to this share; and the least noise,
 as a share of the torque's deviation.
 """
+
+NEGLIGIBLE = 1e-14
+"""Squares of what features share, in the largest, that count for nothing."""
 
 PRECISION = 1e-9
 """Of eccentricities, as logits, and of dead centres at the end of a descent [rad]."""
@@ -87,35 +91,45 @@ class LeverSearch:
         found = solve_triangular(factor, found, lower=True, trans=1)
         column = explained.columns[joint]
         self._residual = torque[:, joint] - scaled[joint] @ found[column]
-        self._q, self._precision = q, precision[:, joint]
+        self._precision = precision[:, joint]
         self._noise_std = float(explained.noise_std[joint])
         # what of a feature links and friction can stand for
         own = np.zeros((normal.shape[0], len(q)))
         own[column] = scaled[joint].T
-        self._shared = solve_triangular(factor, own, lower=True)
-        self._size = float(np.std(explained.tau[:, joint]))
+        self._shared = _independent(solve_triangular(factor, own, lower=True))
+        self._prior = len(q) * max(float(np.std(explained.tau[:, joint])), 1e-150) ** 2
+        self._sine, self._cosine = np.sin(q), np.cos(q)
 
     def gain(self, eccentricity: float, dead_centre: float) -> float:
         """Return by how much a spring decreases half the penalised squares."""
-        _, normal, right = self._system(eccentricity, dead_centre)
-        return 0.5 * float(right @ np.linalg.solve(normal, right))
+        _, ((a, b), (_, c)), (x, y) = self._system(eccentricity, dead_centre)
+        return float(0.5 * (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b))
 
     def left(self, lever: LeverSpring) -> float:
         """Return the noise that a spring leaves, as a standard deviation [N m]."""
         rows, normal, right = self._system(lever.eccentricity, lever.dead_centre)
-        torque = rows @ np.linalg.solve(normal, right)
+        torque = np.linalg.solve(normal, right) @ rows
         residual = self._residual - torque + self._shared.T @ (self._shared @ torque)
         count = np.sum((self._noise_std * self._precision) ** 2)
         return self._noise_std * float(np.sqrt(np.sum(residual**2) / count))
 
     def _system(self, eccentricity: float, dead_centre: float) -> tuple[Array, Array, Array]:
         """Return the rows of a spring, and normal equations with all else solved for."""
-        features = lever_features(self._q, eccentricity, dead_centre)
-        scale = np.sqrt(np.mean(features**2, axis=0)) / max(self._size, 1e-300)
-        rows = features * self._precision[:, None]
-        shared = self._shared @ rows
-        normal = rows.T @ rows - shared.T @ shared + np.diag(scale**2)
-        return rows, normal, rows.T @ self._residual
+        features = self._features(eccentricity, dead_centre)
+        rows = features * self._precision
+        shared = rows @ self._shared.T
+        normal = rows @ rows.T - shared @ shared.T
+        normal.flat[::3] += np.einsum('kn,kn->k', features, features) / self._prior
+        return rows, normal, rows @ self._residual
+
+    def _features(self, eccentricity: float, dead_centre: float) -> Array:
+        """Return `lever_features`, shape (2, N), without trigonometric functions."""
+        sine, cosine = math.sin(dead_centre), math.cos(dead_centre)
+        out = np.empty((2, self._sine.size))
+        np.subtract(cosine * self._sine, sine * self._cosine, out=out[1])
+        length = 1.0 - eccentricity * (cosine * self._cosine + sine * self._sine)
+        np.divide(out[1], np.sqrt(length), out=out[0])
+        return out
 
     def best(self) -> LeverSpring:
         """Return the spring that explains most."""
@@ -150,6 +164,12 @@ class LeverSearch:
             },
         )
         return -float(result.fun), float(_eccentricity(result.x[0])), float(result.x[1])
+
+
+def _independent(rows: Array) -> Array:
+    """Return orthogonal rows (r, N) of the same R^T R, without those that are rounding."""
+    squares, turned = np.linalg.eigh(rows @ rows.T)
+    return np.asarray(turned[:, squares > NEGLIGIBLE * squares[-1]].T @ rows)
 
 
 def _eccentricity(logit: Array | float) -> Array:
