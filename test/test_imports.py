@@ -82,7 +82,7 @@ PARTS = {
     },
     'excitation': {
         *('dataset', 'description', 'evaluation', 'friction', 'model', 'recording'),
-        *('rigid_body', 'settings'),
+        *('rigid_body', 'settings', 'signals'),
     },
     'fleet': {
         *('dataset', 'evaluation', 'export', 'friction', 'identification', 'linear_algebra'),
@@ -139,7 +139,7 @@ FOREIGN = {
         'fleet/stored_files',
         'nodes/set_payload',
     ),
-    'pinocchio': ('simulation', 'export/check'),
+    'pinocchio': ('simulation', 'export/check', 'excitation/self_collision'),
     'mujoco': ('export/mjcf',),
     'example_robot_data': ('simulation',),
     'matplotlib': ('adaptation/report', 'evaluation/report', 'excitation/report'),

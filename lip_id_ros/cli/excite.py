@@ -22,8 +22,8 @@ examples:
                                                           what the model does not know yet
 
 The motion starts and ends at rest at the posture. Try it in simulation, and watch its first run
-with a hand at the emergency stop: only what the settings name in `space` is kept clear of, and the
-arm's own links are not known.
+with a hand at the emergency stop: only what the settings name in `space` is kept clear of; links
+are kept apart where `space.self_distance_m` is set.
 """
 
 

@@ -24,14 +24,16 @@ from lip_id_ros.excitation.design import (
 )
 from lip_id_ros.excitation.expected_error import States
 from lip_id_ros.excitation.joint_limits import JointLimits, limits_from, posture_from
+from lip_id_ros.excitation.self_collision import SelfCollision
 from lip_id_ros.excitation.series import FourierMotion, LimitedMotions, peaks
-from lip_id_ros.excitation.settings import ExcitationConfig, MotionSettings, SpaceSettings
+from lip_id_ros.excitation.settings import ExcitationConfig, MotionSettings, NONE, SpaceSettings
 from lip_id_ros.excitation.space import is_limited, Space
 from lip_id_ros.excitation.trajectory_file import sampled, Trajectory, writer_for
 from lip_id_ros.joint_types import REVOLUTE
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body.couplings import coupling_matrix
 from lip_id_ros.settings import read_sections
 
 FINE_PER_S = 200.0
@@ -162,8 +164,9 @@ def design_motion(
     posture = posture_from(config.motion, largest)
     limits = shrunk(largest, posture, config.motion.size)
     motions = LimitedMotions(limits, posture, config.motion.duration_s, config.motion.harmonics)
+    apart = _links_apart(config, description, largest, model)
     if model is None:
-        constraints = _constraints(config, chain, limits, None)
+        constraints = _constraints(config, chain, limits, None, apart)
         constraints.require_posture(posture)
         criterion = first_criterion(config, motions, limits, types)
         found = design(motions, criterion, config.search, progress, constraints)
@@ -177,7 +180,7 @@ def design_motion(
     )
     criterion = next_criterion(config, learner, states)
     chain = _as_learned(chain, model.arm.chain)
-    constraints = _constraints(config, chain, limits, model)
+    constraints = _constraints(config, chain, limits, model, apart)
     constraints.require_posture(posture)
     found = design(motions, criterion, config.search, progress, constraints)
     learning = Learning(model, states, found.motion, measurements(config))
@@ -204,8 +207,9 @@ def _constraints(
     chain: Chain | None,
     limits: JointLimits,
     model: InverseDynamicsModel | None,
+    apart: list[Constraint],
 ) -> Constraints:
-    found: list[Constraint] = []
+    found = [*apart]
     if model is not None and limits.torque is not None:
         found.append(TorqueLimits(model, limits))
     if is_limited(config.space):
@@ -216,6 +220,25 @@ def _constraints(
             )
         found.append(Space(config.space, chain, limits))
     return Constraints(found)
+
+
+def _links_apart(
+    config: ExcitationConfig,
+    description: tuple[str, str] | None,
+    limits: JointLimits,
+    model: InverseDynamicsModel | None,
+) -> list[Constraint]:
+    if config.space.self_distance_m == NONE:
+        return []
+    if description is None:
+        raise ConfigError(
+            'space.self_distance_m needs the shapes of the links, but there is no URDF; give one, '
+            'or set it to none.'
+        )
+    matrix = np.eye(len(limits.joint_names))
+    if model is not None and model.arm is not None:
+        matrix = coupling_matrix(model.arm.chain)
+    return [SelfCollision(description, limits, matrix, float(config.space.self_distance_m))]
 
 
 def of_model(config: ExcitationConfig, model: Any) -> ExcitationConfig:

@@ -108,6 +108,15 @@ class SpaceSettings(Settings):
         minimum=0.0,
         maximum=LARGEST,
     )
+    self_distance_m: float | str = setting(
+        NONE,
+        'Distance that the links keep from each other, by the collision geometry of the URDF; '
+        'needs the extra sim.',
+        unit='m',
+        minimum=0.001,
+        maximum=LARGEST,
+        choices=(NONE,),
+    )
 
 
 @dataclass(frozen=True)
