@@ -21,6 +21,10 @@ USES: Mapping[str, tuple[str, ...]] = {
     'train': ('rows',),
     'monitor': ('watched', 'too_soon', 'after_a_gap'),
     'computed_torque': ('plans', 'torques', 'idle'),
+    'adapt': (
+        *('too_soon', 'after_a_gap', 'out_of_range', 'waiting'),
+        *('learned', 'held', 'disturbed', 'resting', 'settling'),
+    ),
 }
 """The counters of ~/status for the messages that a node used."""
 

@@ -72,11 +72,12 @@ def main(arguments: list[str]) -> int:
     rclpy.init()
     node = rclpy.create_node('fuzzer')
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        model = str(Path(folder) / 'model.npz')
-        small_model().save(model)
+        model, arm = (str(Path(folder) / f'{name}.npz') for name in ('model', 'arm'))
+        small_model('recursive').save(model)
+        small_model('articulated').save(arm)
         processes = {
             name: stack.enter_context(running(name, parameters))
-            for name, parameters in parameters_of(model, folder).items()
+            for name, parameters in parameters_of(model, arm, folder).items()
         }
         stack.enter_context(spun(node))
         fuzzer = Fuzzer(node, np.random.default_rng(options.seed))
@@ -101,20 +102,18 @@ def report(fuzzer: Fuzzer, ended: list[str]) -> int:
     return int(wrong > 0)
 
 
-def small_model() -> Any:
-    """Fit two decoupled pendulums, in a second."""
+def small_model(kernel: str) -> Any:
+    """Fit two decoupled pendulums, in seconds."""
     t = 0.01 * np.arange(400)[:, np.newaxis]
     angle = t * [1.0, 2.3] + [0.3, 1.0]
     q, dq, ddq = np.sin(angle), np.cos(angle) * [1.0, 2.3], -np.sin(angle) * [1.0, 2.3**2]
     tau = ddq * [1.5, 0.6] + np.sin(q) * [8.0, 3.0]
     data = Dataset.from_arrays(q, dq, ddq, tau, joint_names=NAMES, t=t[:, 0])
-    cheap = FitSettings(
-        kernel='recursive', subset=30, max_samples=60, iterations=5, friction=False
-    )
+    cheap = FitSettings(kernel=kernel, subset=30, max_samples=60, iterations=5, friction=False)
     return fit(data, cheap)
 
 
-def parameters_of(model: str, folder: str) -> dict[str, dict[str, str]]:
+def parameters_of(model: str, arm: str, folder: str) -> dict[str, dict[str, str]]:
     """Return the parameters of each node."""
     joints, limits = json.dumps(NAMES), json.dumps(LIMITS)
     gains = {'stiffness': '[10.0, 10.0]', 'damping': '[1.0, 1.0]'}
@@ -132,6 +131,7 @@ def parameters_of(model: str, folder: str) -> dict[str, dict[str, str]]:
         },
         'monitor': {'model_path': model, 'joints': joints},
         'computed_torque': {'joints': joints, 'torque_limits': limits, **gains},
+        'adapt': {'model_path': arm, 'joints': joints, 'state_path': f'{folder}/adapted.npz'},
     }
 
 
@@ -180,6 +180,8 @@ class Fuzzer:
             '/serve/enable': node.create_client(SetBool, '/serve/enable'),
             '/serve/reload_model': node.create_client(Trigger, '/serve/reload_model'),
             '/monitor/calibrate': node.create_client(Trigger, '/monitor/calibrate'),
+            '/adapt/reset': node.create_client(Trigger, '/adapt/reset'),
+            '/adapt/announce_payload': node.create_client(SetBool, '/adapt/announce_payload'),
             '/train/cancel': node.create_client(Trigger, '/train/cancel'),
             **{
                 f'/{name}/set_parameters': node.create_client(
@@ -252,4 +254,6 @@ def absurd_request(rng: np.random.Generator, name: str) -> Any:
         value = ParameterValue(type=int(rng.choice([0, 9, 10, 99, 255])))
         key = str(rng.choice(['executor', 'model_path', 'ramp_s', '', 'absent', 'a.b']))
         return SetParameters.Request(parameters=[Parameter(name=key, value=value)])
-    return SetBool.Request(data=bool(rng.integers(2))) if 'enable' in name else Trigger.Request()
+    if name.endswith(('enable', 'announce_payload')):
+        return SetBool.Request(data=bool(rng.integers(2)))
+    return Trigger.Request()
