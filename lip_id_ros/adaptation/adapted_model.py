@@ -115,10 +115,10 @@ class AdaptedModel:
         """Blend to the model of numbers, shape (p,), from what is served now."""
         if np.array_equal(numbers, self._now.numbers):
             return
-        self._before = self._served(
-            (1.0 - self._share) * self._before.numbers + self._share * self._now.numbers
-        )
-        self._now, self._share = self._served(numbers), 0.0
+        before, share = self._now, self._share
+        if share < 1.0:
+            before = self._served((1.0 - share) * self._before.numbers + share * before.numbers)
+        self._before, self._now, self._share = before, self._served(numbers), 0.0
 
     def query(self, state: Array, now: float, is_stream: bool = True) -> Query:
         """
