@@ -81,7 +81,7 @@ PARTS = {
         *('rigid_body', 'settings'),
     },
     'excitation': {
-        *('dataset', 'description', 'evaluation', 'friction', 'model', 'recording'),
+        *('dataset', 'description', 'evaluation', 'export', 'friction', 'model', 'recording'),
         *('rigid_body', 'settings', 'signals'),
     },
     'fleet': {

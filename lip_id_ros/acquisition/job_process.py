@@ -119,7 +119,12 @@ def _payload(data: Dataset, request: dict[str, Any], progress: Progress) -> dict
 
 
 def _motion(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
-    motion, found = next_motion(MotionRequest(**request['settings']), progress)
+    asked = MotionRequest(**request['settings'])
+    motion, found = next_motion(asked, progress)
+    if asked.report_path:
+        from lip_id_ros.excitation.report import write_motion_report
+
+        write_motion_report(asked.report_path, found, progress)
     return {**_save(found.save, request['path'], progress), 'motion': motion.to_json()}
 
 

@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 from lip_id_ros.cli import arguments
-
-if TYPE_CHECKING:
-    from lip_id_ros.evaluation.tables import Table
-    from lip_id_ros.excitation.planning import ExcitingMotion
 
 HELP = 'design a motion that teaches'
 EPILOG = """\
@@ -72,6 +67,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.cli import models, output
     from lip_id_ros.errors import ConfigError
     from lip_id_ros.evaluation.tables import show, show_lines
+    from lip_id_ros.excitation.motion_tables import gain_lines, learning_tables, motion_table
     from lip_id_ros.excitation.planning import design_motion
     from lip_id_ros.excitation.settings import ExcitationConfig
     from lip_id_ros.excitation.trajectory_file import is_motion, writer_for
@@ -98,10 +94,9 @@ def run(args: argparse.Namespace) -> None:
             targets = models.load_for(model, [args.targets], None, progress)
         found = design_motion(config, args.urdf, model, targets, progress)
     console = output.console()
-    tables, lines = [motion_table(found), *learning_tables(found)], gain_lines(found)
-    for table in tables:
+    for table in (motion_table(found), *learning_tables(found)):
         show(table, console)
-    show_lines(lines, console)
+    show_lines(gain_lines(found), console)
     for path in args.output:
         found.save(path)
     show_lines([f'Written: {path}' for path in args.output], console)
@@ -109,65 +104,5 @@ def run(args: argparse.Namespace) -> None:
         from lip_id_ros.excitation.report import write_motion_report
 
         with output.progress_display() as progress:
-            written = write_motion_report(args.report, found, tables, lines, progress)
+            written = write_motion_report(args.report, found, progress)
         show_lines([f'Report: {written}'], console)
-
-
-def motion_table(found: ExcitingMotion) -> Table:
-    """Return what each joint does, and how much of its limits it uses at most."""
-    from lip_id_ros.evaluation.tables import Table
-    from lip_id_ros.joint_types import POSITION_UNITS
-
-    ends = found.position_ends
-    header = ('', 'posture', 'from', 'to', 'velocity', 'acceleration', 'jerk')
-    rows = []
-    for j, (name, kind) in enumerate(zip(found.joint_names, found.joint_types, strict=True)):
-        places = (found.motion.posture[j], ends[0, j], ends[1, j])
-        of_limits = (
-            f'{peak:.3g} of {limit:.3g}'
-            for peak, limit in zip(
-                found.peaks[1:, j], (each[j] for each in found.limits.derivatives), strict=True
-            )
-        )
-        rows.append(
-            (f'{name} [{POSITION_UNITS[kind]}]', *(f'{q:.3f}' for q in places), *of_limits)
-        )
-    title = f'Motion of {found.motion.duration:g} s, with the largest values beside their limits'
-    return Table(title, header, rows)
-
-
-def learning_tables(found: ExcitingMotion) -> list[Table]:
-    """Return what was unknown before the motion and will be after it; nothing without a model."""
-    from lip_id_ros.evaluation.tables import Table
-    from lip_id_ros.export.friction_table import friction_table
-    from lip_id_ros.joint_types import TORQUE_UNITS
-
-    if found.learning is None:
-        return []
-    torque, gravity = found.learning.torque_std, found.learning.gravity_std
-    rows = [
-        (f'{name} [{TORQUE_UNITS[kind]}]', *(f'{x:.3g}' for x in (*torque[:, j], *gravity[:, j])))
-        for j, (name, kind) in enumerate(zip(found.joint_names, found.joint_types, strict=True))
-    ]
-    header = ('', 'torque, before', 'after', 'gravity, before', 'after')
-    torques = Table('Standard deviations of torques where they are wanted', header, rows)
-    tables = (friction_table(model) for model in (found.learning.before, found.learning.after))
-    terms = [
-        (old.joint, old.term, f'{old.value:.4g}', f'{old.std:.2g}', f'{new.std:.2g}', old.unit)
-        for old, new in zip(*tables, strict=True)
-    ]
-    columns = ('', 'term', 'coefficient', 'deviation before', 'after', 'unit')
-    return [torques, Table('Friction', columns, terms)]
-
-
-def gain_lines(found: ExcitingMotion) -> list[str]:
-    """Return sentences on the expected error beside random motions."""
-    to_mean, to_best = found.gains
-    lines = [
-        f'Expected squared error of torques after it: {to_mean:.2f} of that after random motions '
-        f'within the same limits, {to_best:.2f} of that after the best of '
-        f'{len(found.design.random_criteria)}.'
-    ]
-    if found.learning is not None and found.limits.torque is None:
-        lines.append('Torques have no limit here; give motion.torque_limits, or a URDF.')
-    return lines

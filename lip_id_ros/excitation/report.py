@@ -16,7 +16,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.report import style
 from lip_id_ros.evaluation.report.page import Drawing, drawn, write_page
-from lip_id_ros.evaluation.tables import Table
+from lip_id_ros.excitation.motion_tables import gain_lines, learning_tables, motion_table
 from lip_id_ros.excitation.planning import ExcitingMotion
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.progress import Progress, silent
@@ -33,8 +33,6 @@ CRITERION = 'Expected squared error of torques after random motions within the s
 def write_motion_report(
     folder: str | os.PathLike[str],
     found: ExcitingMotion,
-    tables: Sequence[Table],
-    notes: Sequence[str],
     progress: Progress = silent,
 ) -> Path:
     """Write PNG plots and index.html, which embeds them and needs no network; return the page."""
@@ -45,8 +43,16 @@ def write_motion_report(
         ('harmonics', str(found.motion.harmonics)),
         ('chain', 'known' if found.chain is not None else 'unknown'),
     )
-    first, *others = tables
-    return write_page(folder, 'A motion that teaches', facts, (), [first], notes, pictures, others)
+    return write_page(
+        folder,
+        'A motion that teaches',
+        facts,
+        (),
+        [motion_table(found)],
+        gain_lines(found),
+        pictures,
+        learning_tables(found),
+    )
 
 
 def _drawings(found: ExcitingMotion) -> Iterator[Drawing]:

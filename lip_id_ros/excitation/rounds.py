@@ -40,7 +40,8 @@ class MotionRequest:
     `config_path`: settings; empty for the usual ones. `description`: text of a URDF; empty for
     none. `model_path`: what is known; empty for nothing. `last_size`: of the motion before; 0 for
     the first one. `first_size`: of the first one where nothing is known. `positions`: of the
-    joints by name, the posture where the settings have none.
+    joints by name, the posture where the settings have none. `report_path`: folder of a page that
+    shows the motion; empty for none.
     """
 
     config_path: str
@@ -49,6 +50,7 @@ class MotionRequest:
     last_size: float
     first_size: float
     positions: Mapping[str, float] = field(default_factory=dict)
+    report_path: str = ''
 
 
 @dataclass(frozen=True)

@@ -177,6 +177,11 @@ class RoundSettings(Settings):
         'Where motions are written, each with its number added to the name.',
         applies=AT_START,
     )
+    report_path: str = setting(
+        '',
+        'Folder of a page that shows a motion, with its number added to the name; empty for none.',
+        applies=AT_START,
+    )
     rounds: int = setting(3, 'Most motions.', minimum=1, maximum=100, applies=AT_START)
     enough_percent: float = setting(
         0.0,

@@ -151,6 +151,7 @@ class ExciteNode(NodeBase):
         urdf = ''
         if self._description is not None:
             urdf = self._description.require('use_robot_description', 'switch that off')
+        report = self._settings.report_path
         request = MotionRequest(
             self._settings.config_path,
             urdf,
@@ -158,6 +159,7 @@ class ExciteNode(NodeBase):
             self._size,
             self._settings.first_size,
             dict(self._positions),
+            report and numbered(report, number),
         )
         path = numbered(self._settings.motion_path, number)
         work = self._jobs.start(Task('motion', asdict(request), path), [])

@@ -76,13 +76,14 @@ def await_hold(client: Client) -> None:
 @pytest.mark.slow
 def test_from_nothing_to_a_model(ros: Ros, tmp_path: Path) -> None:
     _, client = ros
-    started(ros, tmp_path, rounds=2, confirm=True)
+    started(ros, tmp_path, rounds=2, confirm=True, report_path=str(tmp_path / 'page'))
     begin(client)
     for number in (1, 2):
         waiting = client.status(
             'excite',
             lambda status: status['stage'] == 'waiting for confirm' and status['round'] == number,  # noqa: B023
         )
+        assert (tmp_path / f'page_{number}' / 'index.html').is_file()
         assert np.abs(position(client)).max() < 1e-3  # nothing moves before leave is given
         assert client.trigger('/excite/confirm').success, waiting
     ended = client.status('excite', lambda status: status['stage'] in ('done', 'stopped'))

@@ -26,7 +26,6 @@ from waiting import run_to_end
 from benchmarks.comparison import Case, compare, Store, thinned
 from benchmarks.comparison.report import write_comparison
 from benchmarks.tests.methods import Scaled
-from lip_id_ros.cli.excite import gain_lines, learning_tables, motion_table
 from lip_id_ros.evaluation import run, score
 from lip_id_ros.evaluation.report import band, Labels, write_report
 from lip_id_ros.evaluation.report.recording_report import write_recording_report
@@ -77,8 +76,7 @@ def recording(folder: Path) -> Path:
 
 def motion(folder: Path) -> Path:
     designed = found()
-    tables = [motion_table(designed), *learning_tables(designed)]
-    return write_motion_report(folder, designed, tables, gain_lines(designed))
+    return write_motion_report(folder, designed)
 
 
 def comparison(folder: Path) -> Path:
