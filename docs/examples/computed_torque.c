@@ -25,15 +25,23 @@ typedef struct reference {
   double q[N], dq[N], ddq[N];
 } reference;
 
-/* Torques that follow a reference: those of the model at the acceleration that corrects errors. */
+static const double still[N] = {0.0};
+
+/*
+ * Torques that follow a reference: the links' at the acceleration that corrects errors, and the
+ * friction of the wanted velocity. Acceleration softens the friction of arm_torque, as a low-pass
+ * does that of recorded torques; an arm would stick.
+ */
 static void control(const double *q, const double *dq, const reference *wanted, double *tau) {
-  double ddq[N];
+  double ddq[N], friction[N], kinetic, potential;
   int i;
   for (i = 0; i < N; i++) {
     ddq[i] = wanted->ddq[i] + DAMPING * (wanted->dq[i] - dq[i]) +
              STIFFNESS * (wanted->q[i] - q[i]);
   }
-  arm_torque(q, dq, ddq, tau);
+  arm_links_torque(q, dq, ddq, tau, &kinetic, &potential);
+  arm_friction(q, wanted->dq, still, tau, friction);
+  for (i = 0; i < N; i++) tau[i] += friction[i];
 }
 
 /* Solve A x = b in place by Cholesky's factorisation; A is an inertia matrix, row by row. */
@@ -59,7 +67,6 @@ static void solve(double *a, double *x) {
 
 /* The robot: move under torques for one period. */
 static void move(double *q, double *dq, const double *tau) {
-  static const double still[N] = {0.0};
   double inertia[N * N], ddq[N];
   int step, i;
   for (step = 0; step < SUBSTEPS; step++) {

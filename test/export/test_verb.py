@@ -14,6 +14,8 @@ import pytest
 from simulation.panda_runs import runs
 
 from lip_id_ros.cli import main
+from lip_id_ros.export.c_header import to_c_header
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
 from lip_id_ros.identification import fit
 from lip_id_ros.model.effort_calibration import EffortCalibration
 from lip_id_ros.simulation import JointFriction
@@ -53,12 +55,21 @@ def test_all_formats_agree_with_the_model(
         assert 'Position ranges, velocities and efforts are those of the recordings' in text
 
 
-@pytest.mark.slow
 @NEEDS_CC
-def test_the_example_controls_the_arm(model: Path, tmp_path: Path) -> None:
-    """docs/examples/computed_torque.c, which fails where it does not follow."""
-    header = tmp_path / 'arm.h'
-    assert main(['export', str(model), '--name', 'arm', '--c', str(header)]) == 0
+@pytest.mark.parametrize('rise_time', [0.0, 0.05])
+def test_the_example_controls_the_arm(rise_time: float, tmp_path: Path) -> None:
+    """
+    docs/examples/computed_torque.c, which fails where it does not follow.
+
+    Friction that changes its sign within 0.005 rad/s holds an arm whose feedforward is softened as
+    a low-pass softens the torques of a recording (`rise_time`).
+
+    """
+    arm = random_arm('RRR')
+    plain = plain_friction(arm.n_joints, [0.005] * arm.n_joints).terms
+    basis = FrictionBasis(arm.n_joints, plain, rise_time)
+    friction = FrictionModel(basis, np.full(basis.size, 2.0))
+    (tmp_path / 'arm.h').write_text(to_c_header(replace(arm, name='arm', friction=friction)))
     shutil.copy(EXAMPLE, tmp_path)
     strict = ('-std=c11', '-O1', '-Wall', '-Wextra', '-pedantic', '-Werror')
     command = ['cc', *strict, '-o', 'control', EXAMPLE.name, '-lm']
@@ -66,7 +77,7 @@ def test_the_example_controls_the_arm(model: Path, tmp_path: Path) -> None:
     assert built.returncode == 0, built.stderr
     ran = subprocess.run([tmp_path / 'control'], capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stdout
-    assert len(EXAMPLE.read_text().splitlines()) <= 100
+    assert len(EXAMPLE.read_text().splitlines()) <= 110
 
 
 @pytest.mark.parametrize(
