@@ -4,8 +4,8 @@ An arm that is followed through an hour that teaches nothing true, with sound mo
 Friction is less than the fit has it, so that there is something to follow, and to lose.
 
 Prints a line for each kind of hour: squared errors of noiseless torques that are served, in those
-of the fit: before it, during it (in those of the fit before it: at rest the fit has hardly any),
-and in half minutes after it (the worst, and the last); the
+of the fit: before it, during it (where the fit has hardly any, at rest, in those before it), and
+in half minutes after it (the worst, and the last); the
 largest change of torques from one second's update to the next, in the noise's deviations; the
 seconds in which the trust region was left; and how often what was learned was forgotten.
 
@@ -155,7 +155,7 @@ def measured(name: str, seed: int, seconds: float) -> dict[str, float]:
     )
     return {
         'before': float(early[0][-1] / early[1][-1]),
-        'during': float(np.mean(during[0]) / np.mean(early[1])),
+        'during': float(np.mean(during[0]) / max(np.mean(during[1]), np.mean(early[1]))),
         'after': float(np.max(late[0] / late[1])),
         'at_last': float(late[0][-1] / late[1][-1]),
         'largest_step': steps,

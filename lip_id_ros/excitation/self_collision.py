@@ -25,8 +25,8 @@ COARSE_HZ = 10.0
 WEIGHT = 300.0
 """Of the penalty of two links that are one metre too near each other."""
 
-DRAWS = 300
-"""Random positions; links that touch at all of them are built to touch."""
+DRAWS, TOUCHING = 300, 0.002
+"""Random positions; links that are this near at all of them are built to touch [m]."""
 
 NEAR = 0.5
 """Links that are always near keep this share of the most that they are apart there."""
@@ -142,12 +142,13 @@ class SelfCollision:
         rng = np.random.default_rng(0)
         draws = rng.uniform(limits.lower, limits.upper, (DRAWS, limits.lower.size))
         farthest = np.max([self.distances(q) for q in draws], axis=0, initial=0.0)
-        for pair in np.flatnonzero(farthest <= 0.0)[::-1]:
+        for pair in np.flatnonzero(farthest <= TOUCHING)[::-1]:
             self._geometry.removeCollisionPair(self._geometry.collisionPairs[int(pair)])
-        self._least = np.minimum(distance, NEAR * farthest[farthest > 0.0])
+        self._least = np.minimum(distance, NEAR * farthest[farthest > TOUCHING])
         self._found = self._geometry.createData()
         count = len(self._geometry.collisionPairs)
-        self._speeds = np.array([self._speed(pair) for pair in range(count)]).reshape(count, -1)
+        self._speeds = np.array([self._speed(pair) for pair in range(count)])
+        self._speeds = self._speeds.reshape(count, len(self._joints))
 
     def _speed(self, pair: int) -> Array:
         """Return how fast two links approach at most by each reported unit speed, (n,)."""

@@ -138,6 +138,17 @@ def test_a_posture_in_which_links_are_too_near_is_refused_by_their_names() -> No
         design_motion(settings(0.05, (0.0, 2.2, 2.2)), planar_arm())
 
 
+@pytest.mark.parametrize(('radius', 'count'), [(0.45, 0), (0.39, 1)])
+def test_links_that_are_built_to_touch_are_left_out(radius: float, count: int) -> None:
+    """Spheres around the joints: those of the first and the last are 0.8 m apart at most."""
+    shape = SPHERE.replace('0.2 0 0', '0 0 0').replace('0.1"', f'{radius}"')
+    config = settings(0.01, (0.0, 0.1, 0.1))
+    motion = design_motion(config, planar_arm(shape))
+    assert motion.trajectory.q.any()
+    links = SelfCollision((planar_arm(shape), 'planar'), limits(), np.eye(3), 0.01)
+    assert links.distances(np.zeros(3)).size == count
+
+
 def test_what_is_lacking_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(lip.ConfigError, match='needs the shapes of the links, but there is no'):
         design_motion(without_urdf())
