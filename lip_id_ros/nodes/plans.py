@@ -23,7 +23,7 @@ import subprocess
 import sys
 import threading
 from types import FrameType
-from typing import Any, BinaryIO, cast, TYPE_CHECKING
+from typing import Any, BinaryIO, cast, Self, TYPE_CHECKING
 
 import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
@@ -278,30 +278,52 @@ def main(path: str, requests: BinaryIO, answers: BinaryIO) -> int:
         values = {key: _tuples(value) for key, value in asked['settings'].items()}
         rest = Sent(np.zeros(len(loaded.joint_names)))
         try:
-            with _abandoned():
+            with _Abandonment() as abandonment:
+                with abandonment.held():
+                    plan = _deserialised(raw)
                 served = _adapted(loaded, asked['numbers'])
                 arm = ServedArm(served, ServeSettings(**values), counts, rest)
-                planned, refusal = _with_effort(arm, raw), ''
+                with np.errstate(all='ignore'):
+                    filled = messages.filled(plan, arm)
+            planned, refusal = bytes(serialize_message(filled)), ''
         except RefusedError as refused:
             planned, refusal = b'', refused.reason.value
-        except LipIdError:
+        except (LipIdError, AbandonedError):
             planned, refusal = b'', Refusal.INTERRUPTED.value
         _write(answers, json.dumps({'refusal': refusal, 'counts': counts}).encode(), planned)
 
 
-@contextmanager
-def _abandoned() -> Iterator[None]:
-    """End the block with RefusedError where the parent asks for that."""
+class AbandonedError(BaseException):
+    """Nobody wants the answer any more: of no class that the computation itself handles."""
 
-    def abandon(number: int, frame: FrameType | None) -> None:
+
+class _Abandonment:
+    """Ends the block with AbandonedError where the parent asks for that; else it is not heard."""
+
+    def __init__(self) -> None:
+        self._is_held = self._is_asked = False
+
+    def __enter__(self) -> Self:
+        signal.signal(ABANDON, self._abandon)
+        return self
+
+    def __exit__(self, *_: object) -> None:
         signal.signal(ABANDON, signal.SIG_IGN)
-        raise RefusedError(Refusal.INTERRUPTED)
 
-    try:
-        signal.signal(ABANDON, abandon)
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Ask for it after a block whose compiled code would hide the error."""
+        self._is_held = True
         yield
-    finally:
+        self._is_held = False
+        if self._is_asked:
+            raise AbandonedError
+
+    def _abandon(self, number: int, frame: FrameType | None) -> None:
         signal.signal(ABANDON, signal.SIG_IGN)
+        self._is_asked = True
+        if not self._is_held:
+            raise AbandonedError
 
 
 def _adapted(loaded: LoadedModel, numbers: list[float] | None) -> LoadedModel:
@@ -312,14 +334,11 @@ def _adapted(loaded: LoadedModel, numbers: list[float] | None) -> LoadedModel:
     return replace(loaded, model=arm.with_numbers(np.array(numbers)))
 
 
-def _with_effort(arm: ServedArm, raw: bytes) -> bytes:
+def _deserialised(raw: bytes) -> JointTrajectory:
     try:
-        plan = deserialize_message(raw, JointTrajectory)
+        return deserialize_message(raw, JointTrajectory)
     except Exception:  # the class depends on the middleware
         raise RefusedError(Refusal.MALFORMED) from None
-    with np.errstate(all='ignore'):
-        filled = messages.filled(plan, arm)
-    return bytes(serialize_message(filled))
 
 
 def _tuples(value: Any) -> Any:

@@ -66,7 +66,7 @@ def test_the_example_controls_the_arm(rise_time: float, tmp_path: Path) -> None:
 
     """
     arm = random_arm('RRR')
-    plain = plain_friction(arm.n_joints, [0.005] * arm.n_joints).terms
+    plain = plain_friction(arm.n_joints, np.full(arm.n_joints, 0.005)).terms
     basis = FrictionBasis(arm.n_joints, plain, rise_time)
     friction = FrictionModel(basis, np.full(basis.size, 2.0))
     (tmp_path / 'arm.h').write_text(to_c_header(replace(arm, name='arm', friction=friction)))
