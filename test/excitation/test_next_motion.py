@@ -114,6 +114,12 @@ def used(motion: FourierMotion, limits: np.ndarray | float) -> np.ndarray:
     return np.asarray((size / limits).max(axis=0))
 
 
+@pytest.mark.parametrize('rate', [20.0, 50.0])
+def test_torques_between_samples_are_bounded_by_those_at_them(rate: float) -> None:
+    torques = TorqueLimits(model(), replace(found().limits, torque=np.ones(3)))
+    assert np.all(torques.use(found().motion, rate) >= used(found().motion, 1.0))
+
+
 def test_a_posture_that_cannot_be_held_is_refused() -> None:
     motion = replace(QUICK.motion, torque_limits=(1e4, 0.01, 1e4))
     with pytest.raises(lip.ConfigError, match=r"joint 'lift' needs .* more than its limit 0\.01;"):

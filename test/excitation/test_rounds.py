@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from excitation.cases import ARM
+from excitation.test_next_motion import model
 import numpy as np
 import pytest
 
@@ -20,6 +22,10 @@ from lip_id_ros.excitation.trajectory_file import Trajectory
 NAMES = ('a', 'b')
 SETTINGS = """
 motion: {joints: [a, b], duration_s: 4.0, lower: [-1.0], upper: [1.0], velocity: [2.0]}
+search: {draws: 2, starts: 1, steps: 1}
+"""
+SETTINGS_OF_THREE = """
+motion: {duration_s: 4.0, velocity: [2.0, 2.0, 0.5], torque_limits: [1.0e4]}
 search: {draws: 2, starts: 1, steps: 1}
 """
 
@@ -84,3 +90,17 @@ def test_a_joint_without_a_position_is_named(tmp_path: Path) -> None:
 
 def test_motions_are_numbered() -> None:
     assert numbered('/data/motion.yaml', 2) == '/data/motion_2.yaml'
+
+
+def test_deviations_are_what_was_not_known_before_the_motion(tmp_path: Path) -> None:
+    path = str(tmp_path / 'model.npz')
+    model().save(path)
+    positions = {'turn': 0.0, 'lift': 0.2, 'slide': 0.3}
+    after = request(tmp_path, model_path=path, description=ARM, positions=positions)
+    (tmp_path / 'excite.yaml').write_text(SETTINGS_OF_THREE)
+    motion, found = next_motion(after)
+    assert found.learning is not None
+    targets = found.learning.targets
+    std, tau = model().torque_std(*targets), model().predict(*targets).tau
+    shares = np.sqrt(np.mean(std**2, axis=0) / np.mean(tau**2, axis=0))
+    np.testing.assert_allclose(motion.deviation_percent, 100.0 * shares, rtol=1e-6)

@@ -14,9 +14,10 @@ from scipy.optimize import check_grad
 import lip_id_ros as lip
 from lip_id_ros.arrays import Array
 from lip_id_ros.excitation.constraints import Constraints
-from lip_id_ros.excitation.series import LimitedMotions
+from lip_id_ros.excitation.joint_limits import JointLimits
+from lip_id_ros.excitation.series import FourierMotion, LimitedMotions
 from lip_id_ros.excitation.settings import SpaceSettings
-from lip_id_ros.excitation.space import Space
+from lip_id_ros.excitation.space import FINE_HZ, Space
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.chain import joint_transform
 from lip_id_ros.rigid_body.couplings import Coupling, coupling_matrix, rows_of
@@ -191,3 +192,23 @@ def test_a_space_needs_to_know_where_the_joints_are() -> None:
     motion = lip.MotionSettings(joints=('a',), lower=(-1.0,), upper=(1.0,), velocity=(1.0,))
     with pytest.raises(lip.ConfigError, match='but there is neither a URDF nor a model; give one'):
         lip.design_motion(replace(QUICK, motion=motion))
+
+
+def test_a_wall_that_lies_between_two_samples_is_not_passed() -> None:
+    """The tool goes 25 mm from one sample to the next, through a wall of 2 mm."""
+    chain = Chain(
+        np.tile(np.eye(3), (2, 1, 1)),
+        np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]),
+        np.zeros(2, dtype=np.bool_),
+        np.array([0.0, 0.0, -9.81]),
+    )
+    limits = JointLimits(('a', 'b'), np.full(2, -2.0), *np.full((4, 2), 2.0))
+    wall = (1.9, 0.0115, -0.1, 2.1, 0.0135, 0.1)
+    settings = SpaceSettings(boxes=wall, tool=(1.0, 0.0, 0.0), margin_m=0.001)
+    space = Space(settings, chain, limits)
+    swing = np.array([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
+    motion = FourierMotion(np.zeros(2), swing, 1.0)
+    q = motion.derivative(motion.times(FINE_HZ), 0)
+    assert space.clearance(space.points(q)[0])[0].min() > 0.0
+    assert not space.is_kept(motion, fine=True)
+    assert space.is_kept(motion.scaled(0.0), fine=True)
