@@ -136,6 +136,17 @@ def test_what_is_not_seen_returns_to_the_fit_by_two_thirds_in_the_hours_of_the_w
     np.testing.assert_allclose((now - fitted) / (before - fitted), np.exp(-1.0), rtol=1e-3)
 
 
+def test_what_was_learned_returns_to_the_fit_while_nothing_runs() -> None:
+    model = known_model()
+    adaptation, again = (Adaptation(model, WalkSettings(hours=0.5)) for _ in range(2))
+    adaptation.update(*stream(with_friction(model, 0.6), 40.0))
+    again.resume(adaptation.state(), 1800.0)
+    fitted, _ = friction_at_speed(Adaptation(model))
+    before, _ = friction_at_speed(adaptation)
+    now, _ = friction_at_speed(again)
+    np.testing.assert_allclose((now - fitted) / (before - fitted), np.exp(-1.0), rtol=1e-3)
+
+
 def test_what_got_worse_than_the_fit_is_forgotten() -> None:
     """Friction is half for a minute, then as fitted, in jumps that the filter is late for."""
     model = known_model()

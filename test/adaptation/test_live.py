@@ -92,6 +92,16 @@ def test_friction_that_falls_comes_out_as_an_update_that_is_followed(path: str) 
     assert not found.step(1.1, 1001.1).alarms  # said once
 
 
+def test_an_alarm_that_comes_back_is_told_again(path: str) -> None:
+    found = live(path)
+    first = feed(found, states(with_friction(known_model(), 0.5), 40.0)).alarms
+    assert first
+    found.settings = replace(found.settings, alarm_change=1e3)
+    assert not found.step(1.1, 1001.1).alarms
+    found.settings = replace(found.settings, alarm_change=0.5)
+    assert found.step(1.2, 1001.2).alarms == first
+
+
 def test_counters_rise_and_updates_stop_with_the_joint_states(path: str) -> None:
     found = live(path)
     assert found.step(0.0, 1000.0).update is None
