@@ -117,6 +117,14 @@ def test_the_last_point_is_held_at_rest() -> None:
     np.testing.assert_allclose(held, [4.0, -4.0])
 
 
+def test_a_plan_that_ends_slowly_is_held_at_rest() -> None:
+    slow = [*PLAN[:2], replace(PLAN[2], velocities=[0.009, 0.0])]
+    controller = following(slow)
+    controller.torques(measured(0.0, [0.0, 1.0], [1.0, 0.0]))
+    held = controller.torques(measured(5.0, [1.5, 1.0], [0.0, 0.0]))
+    np.testing.assert_allclose(held, [4.0, -4.0])
+
+
 def test_joints_are_mapped_by_name_on_both_sides() -> None:
     swapped = [
         Point(p.positions[::-1], p.velocities[::-1], p.time_from_start, p.effort[::-1])

@@ -62,6 +62,18 @@ def test_after_a_gap_the_residual_begins_anew() -> None:
     assert residuals(range(500, 501), followed) == [None]
 
 
+def test_another_cut_off_is_used_from_the_next_joint_state_on() -> None:
+    followed = measured_arm(20.0)
+    assert residuals(range(201), followed)[-1] is not None
+    followed.adjust(20.0)
+    assert residuals(range(201, 202), followed)[-1] is not None
+    followed.adjust(5.0)
+    found = residuals(range(202, 602), followed)
+    settling = sum(each is None for each in found)
+    # ten time constants
+    assert settling * STEP_S == pytest.approx(10.0 / (2 * np.pi * 5.0), abs=2 * STEP_S)
+
+
 def test_of_two_clocks_the_first_is_followed() -> None:
     """Two publishers in turn, three seconds apart: the residual is that of the first alone."""
     followed, refused = measured_arm(), []
