@@ -17,13 +17,19 @@ ARMS = [(R,), (R, R, R), (P, R, R), (R, P, R), (R, R, P), (P, P, R), (R, R, R, R
 
 
 def in_other_frames(chain: Chain, seed: int) -> Chain:
-    """Turn the base about the vertical, frames about their axes, and shift them along these."""
+    """
+    Turn the base about the vertical, frames about their axes, and shift them along these.
+
+    Those of slides but the first are shifted to any side: only the direction of a slide matters.
+    """
     rng = np.random.default_rng(seed)
     n = len(chain.prismatic)
     angles = np.outer(rng.uniform(-3.0, 3.0, n + 1), [0.0, 0.0, 1.0])
     turns = Rotation.from_rotvec(angles).as_matrix()
     along = np.zeros((n + 1, 3))
     along[1:, 2] = rng.uniform(-0.5, 0.5, n)
+    slides = 2 + np.flatnonzero(chain.prismatic[1:])
+    along[slides, :2] = rng.uniform(-0.5, 0.5, (slides.size, 2))
     before, own = turns[:-1].transpose(0, 2, 1), turns[1:]
     translations = chain.translations + (chain.rotations @ along[1:, :, None])[:, :, 0]
     translations = (before @ (translations - along[:-1])[:, :, None])[:, :, 0]
