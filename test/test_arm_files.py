@@ -37,6 +37,12 @@ def test_both_nodes_of_an_arm(name: str) -> None:
 
 
 @pytest.mark.parametrize('name', ARMS)
+def test_no_joint_is_stronger_than_those_before_it(name: str) -> None:
+    limits = parameters(name, 'serve')['torque_limits']
+    assert limits == DESCRIBED or (np.diff(limits) <= 0.0).all()
+
+
+@pytest.mark.parametrize('name', ARMS)
 def test_a_recording_of_the_driver(name: str, tmp_path: Path) -> None:
     """Drivers sort joints by name, and grippers are among them."""
     recording = parameters(name, 'train')['recording']

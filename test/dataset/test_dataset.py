@@ -197,6 +197,12 @@ def test_concatenate_keeps_the_segments_of_three_data_sets_apart() -> None:
     assert np.unique(joined.recording).size == 3 * np.unique(one.recording).size
 
 
+def test_concatenate_keeps_what_copies_each_data_set_left_out() -> None:
+    copies = [{'source': name, 'samples': 6, 'repeated': 2} for name in ('a', 'b')]
+    parts = [dataset(provenance={'sources': [], 'copies': [each]}) for each in copies]
+    assert concatenate(parts).provenance['copies'] == copies
+
+
 def test_concatenate_refuses_nothing() -> None:
     with pytest.raises(DataError, match=r'^at least one data set is needed to concatenate'):
         concatenate([])

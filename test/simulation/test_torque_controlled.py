@@ -100,6 +100,15 @@ def test_commands_act_after_the_delay(arm: SimulatedArm) -> None:
     assert acted == [0.0, 0.0, 1.0, 2.0, 3.0]
 
 
+def test_a_stopped_arm_has_no_torque_under_way(arm: SimulatedArm) -> None:
+    simulated = at_rest(arm, Drives(ROTORS, FREE, delay=2))
+    simulated.hold(np.full(7, 5.0))
+    simulated.stop(POSTURE)
+    for _ in range(3):
+        assert not simulated.measure().tau.any()
+        simulated.step(np.zeros(7))
+
+
 def test_sensors_are_as_noisy_as_they_are_said_to_be(arm: SimulatedArm) -> None:
     drives = Drives(
         ROTORS, FREE, position_noise=1e-4, velocity_noise=1e-2, torque_noise=0.3, ripple=0.4
