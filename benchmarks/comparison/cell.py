@@ -87,8 +87,10 @@ class Score:
     """
     Errors on one unseen motion; `nmse_percent` and `rmse` [N m or N] per joint.
 
-    nan where a torque does not vary, or the truth or the estimate of an energy is missing. The
-    potential energy is compared without its mean error.
+    `in_motion` and `near_rest` are root mean squares of the samples at which a joint moves, or
+    hardly does; empty in results of older code. nan where a torque does not vary, there are no
+    such samples, or the truth or the estimate of an energy is missing. The potential energy is
+    compared without its mean error.
 
     """
 
@@ -97,6 +99,8 @@ class Score:
     rmse: tuple[float, ...]
     kinetic_nmse_percent: float
     potential_nmse_percent: float
+    in_motion: tuple[float, ...] = ()
+    near_rest: tuple[float, ...] = ()
 
     @property
     def mean(self) -> float:
@@ -141,6 +145,7 @@ class Cell:
                 tuple(score['rmse']),
                 _number(score['kinetic_nmse_percent']),
                 _number(score['potential_nmse_percent']),
+                *(tuple(map(_number, score.get(name, ()))) for name in ('in_motion', 'near_rest')),
             )
             for score in content['scores']
         )
@@ -187,8 +192,15 @@ def measure(
 
 def _score(name: str, outcome: Outcome) -> Score:
     found = score(outcome)
-    energies = (found.kinetic_nmse_percent, found.potential_nmse_percent)
-    return Score(name, found.nmse_percent, found.rmse, *(_number(x) for x in energies))
+    return Score(
+        name,
+        found.nmse_percent,
+        found.rmse,
+        _number(found.kinetic_nmse_percent),
+        _number(found.potential_nmse_percent),
+        () if found.rest is None else found.rest.in_motion,
+        () if found.rest is None else found.rest.near_rest,
+    )
 
 
 def _query_us(model: TorqueModel, test: Dataset) -> float:

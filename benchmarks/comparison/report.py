@@ -48,6 +48,8 @@ NOTES = (
     'them, else against the measured ones; "mean" is over the joints. Less is better: 0 is '
     'perfect, 100 is no better than the mean of the torque. '
     'Energies are compared where they are known; the potential energy without its mean error.',
+    'Near rest: samples at which a joint is slower than 5 % of the root mean square of its '
+    'velocity; there friction depends on how it came to rest.',
     'Times were measured on this machine, beside its other load.',
 )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 import hashlib
 from itertools import product
@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.baselines import Method, method
 from benchmarks.baselines.registry import MEANINGS
-from benchmarks.comparison.cell import Case, Cell, code_version, measure
+from benchmarks.comparison.cell import Case, Cell, code_version, measure, Score
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError, FitError
 from lip_id_ros.evaluation.tables import percent, Table
@@ -168,9 +168,12 @@ def mean_errors(cells: Sequence[Cell]) -> Array:
 
 
 def tables(results: Results) -> Iterator[Table]:
-    """Yield the tables of every group: errors, then the cost of the models."""
+    """Yield the tables of every group: errors, also near rest, then the cost of the models."""
     for group, by_model in groups(results.cells).items():
         yield _errors(group, by_model)
+        scores = {m: [x for each in cells for x in each.scores] for m, cells in by_model.items()}
+        if all(score.near_rest for some in scores.values() for score in some):
+            yield _rest_errors(group, next(iter(by_model.values()))[0].joint_names, scores)
         yield Table(f'{group}: cost, medians', COST, [_cost(*item) for item in by_model.items()])
 
 
@@ -248,6 +251,25 @@ def _errors(group: str, by_model: dict[str, list[Cell]]) -> Table:
     count = max(len(joint_errors(cells)) for cells in by_model.values())
     motions = 'one unseen motion' if count == 1 else f'median of {count} unseen motions'
     return Table(f'{group}: nMSE [%], {motions}', header, rows)
+
+
+def _rest_errors(
+    group: str, joints: Sequence[str], scores: Mapping[str, Sequence[Score]]
+) -> Table:
+    rows = []
+    for model, some in scores.items():
+        motion = zip(*(each.in_motion for each in some), strict=True)
+        rest = zip(*(each.near_rest for each in some), strict=True)
+        pairs = zip(map(_known, motion), map(_known, rest), strict=True)
+        rows.append((model, *(', '.join(pair) for pair in pairs)))
+    title = f'{group}: RMSE in motion, near rest [N m or N], medians'
+    return Table(title, ('model', *joints), rows)
+
+
+def _known(values: Iterable[float]) -> str:
+    """Return the median of the values that are numbers, as text."""
+    numbers = [value for value in values if not math.isnan(value)]
+    return f'{np.median(numbers):.3g}' if numbers else 'none'
 
 
 def _cost(model: str, cells: Sequence[Cell]) -> tuple[str, ...]:

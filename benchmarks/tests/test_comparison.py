@@ -222,7 +222,7 @@ def test_models_are_explained_and_unknown_energies_have_no_columns(tmp_path: Pat
         scores=tuple(replace(s, kinetic_nmse_percent=math.nan) for s in with_truth.scores),
     )
     for cell, header in ((with_truth, ('mean', 'kinetic')), (without, ('mean',))):
-        errors, _ = tables(Results((cell,), (), ()))
+        errors, *_ = tables(Results((cell,), (), ()))
         assert tuple(errors.header) == ('model', *cell.joint_names, *header)
     assert 'composed from base to tip' in meanings([with_truth])['recursive']
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 
 import pytest
@@ -52,3 +53,14 @@ def test_costs_of_several_cases_are_medians() -> None:
 def test_a_joint_without_torque_is_left_out_of_a_mean() -> None:
     assert Score('a', (4.0, math.nan), (1.0, 1.0), 0.0, 0.0).mean == pytest.approx(4.0)
     assert math.isnan(Score('a', (math.nan,), (1.0,), 0.0, 0.0).mean)
+
+
+def test_errors_near_rest_have_a_table_where_they_are_known() -> None:
+    known = [
+        replace(score, in_motion=(1.0 + k, 0.5), near_rest=(math.nan if k else 7.0, math.nan))
+        for k, score in enumerate(cell('x', 1.0).scores)
+    ]
+    one = replace(cell('x', 1.0), scores=tuple(known))
+    assert Cell.from_json(one.to_json()).to_json() == one.to_json()
+    _, rest, _ = tables(Results((one,), (), ()))
+    assert rest.rows == [('x', '2, 7', '0.5, none')]
