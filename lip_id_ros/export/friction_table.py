@@ -21,14 +21,11 @@ from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 HEADER = ('', 'term', 'coefficient', 'unit')
 TORQUE, VISCOUS = 'N m', 'N m s/rad'
 BOTH = ('viscous', VISCOUS), ('Coulomb', TORQUE)
-WIDTHS = tuple((f'{times:g} widths', TORQUE) for times in terms.WIDENINGS)
 
 COEFFICIENTS: Mapping[type, tuple[tuple[str, str], ...]] = {
     terms.Viscous: (('', VISCOUS),),
     terms.Coulomb: (('', TORQUE),),
     terms.Offset: (('', TORQUE),),
-    terms.Stribeck: WIDTHS,
-    terms.SaturatingViscous: WIDTHS,
     terms.QuadraticViscous: (('', 'N m s²/rad²'),),
     terms.LoadCoulomb: (('', '1'),),
     terms.LoadViscous: (('', 's/rad'),),
@@ -94,14 +91,13 @@ def _labels(
     others = [joint_names[k] for k in part.drive.joints if k != joint]
     name = part.term.name + f' coupled with {" and ".join(others)}' * bool(others)
     linear = joint_types[joint] == PRISMATIC
-    return [
-        (
-            joint_names[joint],
-            f'{name}, {more}' if more else name,
-            unit.replace('N m', 'N').replace('rad', 'm') if linear else unit,
-        )
-        for more, unit in coefficients_of(part.term)
-    ]
+    found = []
+    for more, unit in coefficients_of(part.term):
+        label = f'{name}, {more}' if more else name
+        if linear:
+            label, unit = label.replace(' rad', ' m'), unit.replace('N m', 'N').replace('rad', 'm')
+        found.append((joint_names[joint], label, unit))
+    return found
 
 
 def coefficients_of(term: terms.FrictionTerm) -> tuple[tuple[str, str], ...]:
@@ -109,6 +105,9 @@ def coefficients_of(term: terms.FrictionTerm) -> tuple[tuple[str, str], ...]:
     if isinstance(term, PositionCurve | VelocityCurve):
         unit = 'rad' if isinstance(term, PositionCurve) else 'rad/s'
         return tuple((f'step at {centre:.3g} {unit}', TORQUE) for centre in term.centres)
+    if isinstance(term, terms.Stribeck | terms.SaturatingViscous):
+        widths = [column[-1][1].width for column in term.columns()]
+        return tuple((f'within {width:.2g} rad/s', TORQUE) for width in widths)
     if isinstance(term, LeverSpring):
         at = f'eccentricity {term.eccentricity:.3g}, dead centre {term.dead_centre:.3g} rad'
         return (f'constant force, {at}', TORQUE), (f'stiffness, {at}', TORQUE)

@@ -9,14 +9,24 @@ from friction.test_terms import EVERY
 import numpy as np
 import pytest
 
-from lip_id_ros.export.friction_table import coefficients_of, friction_table
-from lip_id_ros.friction.drives import DriveTerm
-from lip_id_ros.friction.terms import FrictionTerm
+from lip_id_ros.export.friction_table import coefficients_of, friction_table, labels
+from lip_id_ros.friction.drives import Drive, DriveTerm
+from lip_id_ros.friction.model import FrictionBasis
+from lip_id_ros.friction.terms import FrictionTerm, SaturatingViscous, Stribeck
 
 
 @pytest.mark.parametrize('term', EVERY, ids=lambda term: term.name)
 def test_every_term_names_its_coefficients(term: FrictionTerm) -> None:
     assert len(coefficients_of(term)) == len(term.lower)
+
+
+def test_widths_are_velocities_of_the_joint() -> None:
+    assert coefficients_of(SaturatingViscous(0.01))[0] == ('within 0.03 rad/s', 'N m')
+    assert coefficients_of(Stribeck(0.03, 0.04))[1] == ('within 0.5 rad/s', 'N m')
+    basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), SaturatingViscous(0.01)),))
+    assert labels(basis, ['lift'], ['prismatic'])[2] == (
+        *('lift', 'saturating viscous, within 0.3 m/s', 'N'),
+    )
 
 
 def test_units_are_those_of_the_joint() -> None:
