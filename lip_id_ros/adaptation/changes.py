@@ -97,5 +97,5 @@ def changes(adaptation: Adaptation) -> list[Change]:
 def change_lines(found: Sequence[Change]) -> list[str]:
     """Return sentences, one for each change, or that there is none."""
     if not found:
-        return ['No friction has surely changed by a tenth or more.']
+        return ['No friction now differs surely from that of the fit by a tenth or more.']
     return [each.sentence() for each in found]

@@ -52,8 +52,7 @@ def write_report(
         ('joints', ', '.join(model.joint_names)),
         ('recordings', str(len(found.recordings))),
     )
-    first, *others = tables
-    return write_page(folder, 'An arm that changes', facts, (), [first], notes, pictures, others)
+    return write_page(folder, 'An arm that changes', facts, (), tables, notes, pictures)
 
 
 def _drawings(found: Replay) -> Iterator[Drawing]:

@@ -23,6 +23,10 @@ it, so that the errors are those of a model that follows the arm while it works.
 """
 
 PAUSE_S = 600.0
+MEANING = (
+    'Learned from: samples in motion, undisturbed and within the ranges of the fit. Trusted: what '
+    'was learned had been better for some 15 s of motion; until then the fit itself is followed.'
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,7 +65,7 @@ def run(args: argparse.Namespace) -> None:
         dataset = models.load_for(model, args.sources, args.config, progress)
         found = replay(model, dataset, args.pause, progress=progress)
         tables = _tables(found)
-        lines = [each.sentence() for each in found.adaptation.payload_events]
+        lines = [MEANING, *(each.sentence() for each in found.adaptation.payload_events)]
         lines += change_lines(changes(found.adaptation))
         if args.report:
             from lip_id_ros.adaptation.report import write_report

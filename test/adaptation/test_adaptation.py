@@ -53,7 +53,9 @@ def test_what_has_changed_is_named_and_an_arm_that_has_not_is_not_blamed() -> No
     same, other = Adaptation(model), Adaptation(model)
     same.update(*stream(model, 40.0))
     assert changes(same) == []
-    assert change_lines([]) == ['No friction has surely changed by a tenth or more.']
+    assert change_lines([]) == [
+        'No friction now differs surely from that of the fit by a tenth or more.'
+    ]
     other.update(*stream(with_friction(model, 0.6), 40.0))
     found = changes(other)
     assert {each.joint for each in found} == set(model.joint_names)

@@ -62,7 +62,7 @@ def test_an_arm_that_has_not_changed_is_said_to_be_the_same(
     day: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(['adapt', str(day / 'arm.npz'), str(day / 'cold.npz')]) == 0
-    assert 'No friction has surely changed' in capsys.readouterr().out
+    assert 'No friction now differs surely' in capsys.readouterr().out
 
 
 def test_a_pause_is_a_time(day: Path, capsys: pytest.CaptureFixture[str]) -> None:
