@@ -222,6 +222,6 @@ def _import_pinocchio() -> Any:
     except ImportError as error:
         raise LipIdError(
             f'the URDF is checked by pinocchio, which is missing ({error}); '
-            'install it with `pip install lip_id_ros[sim]`.'
+            "install it with `pip install 'lip_id_ros[sim]'`."
         ) from error
     return pinocchio

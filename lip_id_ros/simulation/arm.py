@@ -139,7 +139,7 @@ def _import_pinocchio() -> Any:
     except ImportError as error:
         raise LipIdError(
             f'a simulated arm needs pinocchio ({error}); '
-            'install it with `pip install lip_id_ros[sim]`.'
+            "install it with `pip install 'lip_id_ros[sim]'`."
         ) from error
     return pinocchio
 
@@ -179,5 +179,5 @@ def panda_urdf() -> Path:
             return Path(str(file.locate()))
     raise LipIdError(
         f'the simulated Panda needs {URDF_SUFFIX} of the package example-robot-data, which is '
-        'not installed; install it with `pip install lip_id_ros[sim]`.'
+        "not installed; install it with `pip install 'lip_id_ros[sim]'`."
     )
