@@ -19,7 +19,7 @@ import warnings
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.errors import DataError
+from lip_id_ros.errors import DataError, missing_joints
 from lip_id_ros.files import require_regular_file
 
 CSV_SUFFIX = '.csv'
@@ -164,6 +164,9 @@ def has_accelerations(path: PathLike) -> bool:
 def check_columns(path: PathLike, table: CsvTable, wanted: Sequence[str]) -> None:
     """Raise a DataError that names the first column that is missing."""
     missing = [name for name in wanted if name not in table.columns]
+    known = joints_of([*table.columns])
+    if known and missing and (absent := joints_of(missing)) and len(absent) == len(missing):
+        raise DataError(missing_joints(absent, os.fspath(path), known[:_SHOWN]))
     if len(wanted) == 1 or missing:
         present = [*table.columns][:_SHOWN]
         more, first = len(table.columns) - len(present), (missing or ['q_NAME'])[0]

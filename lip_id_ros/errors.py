@@ -62,14 +62,16 @@ def closest(names: Iterable[str], known: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(name for names in found for name in names))
 
 
-def missing_joints(missing: Iterable[str], where: str, known: Iterable[str]) -> str:
-    """Return the sentence on joints that are not where they were looked for."""
+def missing_joints(
+    missing: Iterable[str], where: str, known: Iterable[str], kind: str = 'recording'
+) -> str:
+    """Return the sentence on joints that are not in a `kind` of thing, where they should be."""
     missing, known = list(missing), list(known)
     alike = closest(missing, known)
     remedy = (
         f'did you mean {", ".join(alike)}?'
         if len(alike) == len(missing)
-        else 'correct the names, or give a recording of this arm.'
+        else f'correct the names, or give a {kind} of this arm.'
     )
     subject = 'joint' if len(missing) == 1 else 'joints'
     return (

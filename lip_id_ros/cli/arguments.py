@@ -30,13 +30,15 @@ def add_config(parser: argparse.ArgumentParser, default: str) -> None:
     )
 
 
-def add_joints(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of joints."""
+def add_joints(
+    parser: argparse.ArgumentParser, default: str = 'all, in the order of the recording'
+) -> None:
+    """Add the choice of joints; `default` names those that are taken without it."""
     parser.add_argument(
         '--joints',
         type=joint_names,
         metavar='A,B,...',
-        help='joints by name, from base to tip (default: all, in the order of the recording)',
+        help=f'joints by name, from base to tip (default: {default})',
     )
 
 

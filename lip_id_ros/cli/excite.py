@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='SOURCE',
         help='recording of motions whose torques will be wanted of the model',
     )
-    arguments.add_joints(parser)
+    arguments.add_joints(parser, 'those that move in the URDF, or those of the model')
     arguments.add_seed(parser)
     parser.add_argument('--report', metavar='DIR', help='write plots and index.html')
     arguments.add_force(parser)
@@ -105,4 +105,4 @@ def run(args: argparse.Namespace) -> None:
 
         with output.progress_display() as progress:
             written = write_motion_report(args.report, found, progress)
-        show_lines([f'Report: {written}'], console)
+        show_lines([f'Written: {written}'], console)

@@ -68,6 +68,7 @@ def run(args: argparse.Namespace) -> None:
     """Fit, save and show."""
     from lip_id_ros.checked_file import is_model
     from lip_id_ros.cli import models, output, show
+    from lip_id_ros.description.urdf import parsed, urdf_text
     from lip_id_ros.errors import LipIdError
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.files import write_or_rescue
@@ -79,6 +80,8 @@ def run(args: argparse.Namespace) -> None:
         _check_several(args, inputs)
     output.check_file(args.output, inputs, is_model, 'a model', args.force)
     config = models.fit_config(args)
+    if args.urdf is not None:
+        parsed(*urdf_text(args.urdf))  # reading recordings may take minutes
     origin, remarks = '', list[str]()
     with output.progress_display() as progress:
         if several:
@@ -110,9 +113,9 @@ def _add_arguments_of_several(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of a fit to a fleet."""
     fleet = parser.add_argument_group(
         'several recordings',
-        'Any of these fits recording by recording, each with friction of its own. SOURCE may '
-        "then be a pattern ('bags/**/*.mcap'), a folder of recordings or a URL that fsspec knows "
-        '(s3://bucket/arm7/); docs/reference/fleet.md',
+        'Any of these fits recording by recording, each with friction of its own.\n'
+        "SOURCE may then be a pattern ('bags/**/*.mcap'), a folder of recordings or\n"
+        'a URL that fsspec knows (s3://bucket/arm7/); docs/reference/fleet.md',
     )
     fleet.add_argument(
         '--engine',
@@ -205,7 +208,7 @@ def _write_report(args: argparse.Namespace, result: FleetResult) -> list[str]:
     from lip_id_ros.fleet.report import write_fleet_report  # brings matplotlib
 
     write_fleet_report(output.destination(args.report), result, Path(args.output).name)
-    return [f'Report: {args.report}']
+    return [f'Written: {args.report}']
 
 
 def _check_engine(args: argparse.Namespace) -> None:

@@ -92,7 +92,8 @@ def _prepare_streams() -> None:
 def one_line(error: Exception) -> str:
     """Return the message of an error as one line; one of the file system names the file."""
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
-        return printable(f'{error.filename}: {error.strerror}')
+        remedy = '; correct the path.' * isinstance(error, FileNotFoundError)
+        return printable(f'{error.filename}: {error.strerror}{remedy}')
     return printable(' '.join(str(error).split()))
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from dataclasses import replace
+import os
 from typing import Any
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.errors import ConfigError, missing_joints
+from lip_id_ros.errors import ConfigError, missing_joints, ModelError
 from lip_id_ros.evaluation import fit_cautions, matched
 from lip_id_ros.loading import load_dataset, with_selected
 from lip_id_ros.loading.data_settings import settings_of
@@ -22,6 +23,11 @@ from lip_id_ros.settings import Config, override, read_config, RecordingSettings
 
 def load(path: str) -> InverseDynamicsModel:
     """Read a model; ModelError if the file is damaged or no model."""
+    if os.path.isdir(path):
+        raise ModelError(
+            f'{path} must be a model that `lip_id fit` wrote, but is a folder; name the model '
+            'first, and recordings after it.'
+        )
     model = InverseDynamicsModel.load(path)
     with contradictions(path):  # a hash can be computed anew for any summary and provenance
         _config_of(model, None)

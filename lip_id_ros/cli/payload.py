@@ -67,14 +67,13 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.evaluation.tables import show_lines
     from lip_id_ros.export.payload import is_payload, require_links, to_yaml
     from lip_id_ros.files import write_whole
-    from lip_id_ros.model import InverseDynamicsModel
     from lip_id_ros.workflow.fit import find_payload
 
     inputs = [args.model, *args.sources]
     output.check_distinct(args.yaml, args.output)
     output.check_file(args.yaml, inputs, is_payload, 'a payload', args.force)
     output.check_file(args.output, inputs, is_model, 'a model', args.force)
-    model = InverseDynamicsModel.load(args.model)
+    model = models.load(args.model)
     require_links(model, args.model)
     with output.progress_display() as progress:
         dataset = models.load_examined(model, args.sources, args.config, progress)

@@ -46,7 +46,7 @@ IN_OTHER_WORDS = (
 )
 """What of a fit is shown by tables, by its effect, or by a caution; JSON has it as it is."""
 SKETCH, COUPLED = 'sketch', 'coupled_positions'
-UNITS = '[rad or m, s]; effort as recorded, tau in N m or N'
+NO_PROCESS = 'for one, fit with fit.terms: named'
 INDENT = '  '
 MOST_BESIDE = 3
 DEFAULTS = {'recording': RecordingSettings(), 'preprocessing': PreprocessingSettings()}
@@ -102,7 +102,7 @@ def _show_links(model: InverseDynamicsModel, console: Console) -> None:
     show(Table(title, ('', *kinematics.header), kinematics.cells()), console)
     text = 'The model has rigid links and friction; a Gaussian process would not improve it.'
     if (residual_gp := residual_gp_of(model)) is not None:
-        text = f'The model has {residual_gp}.'
+        text = f'The model has {residual_gp}. A C header cannot hold that; {NO_PROCESS}.'
     show_lines([UNIDENTIFIED] * (not kinematics.identified.all()) + [text], console)
 
 
@@ -269,7 +269,8 @@ def ranges(by_joint: Mapping[str, Mapping[str, Sequence[float] | None]]) -> Tabl
         (joint, *(_range(values[signal]) for signal in signals))
         for joint, values in by_joint.items()
     ]
-    return Table(f'Ranges, {UNITS}', ('', *signals), rows)
+    torques = 'effort as recorded' if 'effort' in signals else 'tau in N m or N'
+    return Table(f'Ranges [rad or m, s], {torques}', ('', *signals), rows)
 
 
 def _range(values: Sequence[float] | None) -> str:

@@ -96,6 +96,6 @@ def _joint(joints: Sequence[ET.Element], name: str, place: str, setting: str) ->
     if len(found) != 1:
         raise DataError(
             f'{place} was expected to have the joint {name!r} once, but has it {len(found)} '
-            f'times; publish the URDF of this arm, or give {setting} in numbers.'
+            f'times; give the URDF of this arm, or {setting} in numbers.'
         )
     return found[0]

@@ -96,7 +96,7 @@ class Plan:
     def in_order(self, joint_names: Sequence[str]) -> Plan:
         """Return the plan of these joints in their order; DataError if one is missing."""
         if missing := [name for name in joint_names if name not in self.joint_names]:
-            raise DataError(missing_joints(missing, 'the plan', self.joint_names))
+            raise DataError(missing_joints(missing, 'the plan', self.joint_names, 'plan'))
         columns = [self.joint_names.index(name) for name in joint_names]
         return Plan(tuple(joint_names), self.t, self.states[:, :, columns])
 

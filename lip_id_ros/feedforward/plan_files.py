@@ -15,6 +15,7 @@ from lip_id_ros.errors import ConfigError, DataError, shortened, SourceError
 from lip_id_ros.feedforward.interpolation import Plan
 from lip_id_ros.files import path_text, require_regular_file
 from lip_id_ros.recording import Bag
+from lip_id_ros.recording.bags import is_storage
 
 KIND = 'trajectory_msgs/msg/JointTrajectory'
 SUFFIXES = ('.yaml', '.yml')
@@ -50,7 +51,13 @@ def read_plans(path: str | os.PathLike[str], topic: str = '') -> list[Plan]:
 
     """
     path = path_text(path)
-    named = _in_yaml(path) if Path(path).suffix.lower() in SUFFIXES else _in_bag(path, topic)
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES and os.path.isfile(path) and not is_storage(Path(path)):
+        raise SourceError(
+            f'{path} must be a plan in .yaml or a bag, but ends in {suffix or "no suffix"}; name '
+            'such a file (lip_id excite writes its motions as .yaml or .mcap too).'
+        )
+    named = _in_yaml(path) if suffix in SUFFIXES else _in_bag(path, topic)
     plans = []
     for place, message in named:
         try:

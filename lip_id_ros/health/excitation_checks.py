@@ -104,7 +104,7 @@ def slow(joint: Joint) -> Iterator[str]:
 @joint_check(
     'gentle',
     Severity.NOTE,
-    'accelerate more, or its inertia is not identified (slow motions are not harmed)',
+    'accelerate more, or its inertia is not identified (slow motion is predicted all the same)',
 )
 def gentle(joint: Joint) -> Iterator[str]:
     """An acceleration stays below 0.5 rad/s^2 or 0.05 m/s^2 in 99 % of the samples."""

@@ -85,7 +85,10 @@ _SENTENCES = {
     Refusal.MALFORMED: 'the message could not be deserialised; check the type of its publisher',
     Refusal.TOO_MANY_NAMES: 'a trajectory must not name over 1000 joints; check its publisher',
     Refusal.REPEATED_NAME: 'joint names must be unique, one comes twice',
-    Refusal.MISSING_JOINT: 'the message must name every joint of the model, one is missing',
+    Refusal.MISSING_JOINT: (
+        'the message must name every joint of the model, one is missing; joint_names of the '
+        'status has them'
+    ),
     Refusal.FOREIGN_JOINT: 'a plan gets an effort for each of its joints, one is not in the model',
     Refusal.FOREIGN_JOINTS: (
         'the joint state has no joint of the model; correct the topic unless another publisher '

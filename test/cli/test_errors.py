@@ -311,3 +311,24 @@ def test_wrong_usage(arguments: tuple[str, ...], capsys: Capture) -> None:
 
     assert stopped.value.code == 2
     assert 'usage: lip_id' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('verb', ['evaluate', 'adapt', 'payload'])
+def test_a_recording_in_the_place_of_the_model(
+    verb: str, workshop: Workshop, here: Path, capsys: Capture
+) -> None:
+    line = failure([verb, str(workshop.bag), 'arm.npz'], capsys)
+    check(
+        line, '.* must be a model that `lip_id fit` wrote, but is a folder; name the model first'
+    )
+
+
+def test_a_log_of_another_arm(workshop: Workshop, here: Path, capsys: Capture) -> None:
+    rows = '\n'.join(f'{0.01 * k},{0.1 * k},{0.2 * k}' for k in range(9))
+    (here / 'other.csv').write_text(f't,q_lift,tau_lift\n{rows}\n')
+    line = failure(['evaluate', str(workshop.model), 'other.csv'], capsys)
+    check(line, 'joints .* expected in other.csv, which has lift; correct the names, or give')
+
+
+def test_a_urdf_is_looked_for_before_recordings_are_read(here: Path, capsys: Capture) -> None:
+    check(failure(['fit', 'SOURCE', '-o', 'out.npz', '--urdf', 'no.urdf'], capsys), 'no.urdf: No')

@@ -87,7 +87,10 @@ def test_an_error_of_several_lines_becomes_one() -> None:
 
 
 def test_an_error_of_the_file_system_names_the_file() -> None:
-    assert one_line(FileNotFoundError(2, 'No such file', 'bag')) == 'bag: No such file'
+    assert (
+        one_line(FileNotFoundError(2, 'No such file', 'bag'))
+        == 'bag: No such file; correct the path.'
+    )
     assert one_line(OSError('disk full')) == 'disk full'
 
 

@@ -71,7 +71,7 @@ def test_a_joint_without_a_limit_of_its_own_is_refused(limit: str, has: str) -> 
 @pytest.mark.parametrize('times', [0, 2])
 def test_a_joint_that_is_not_there_once_is_refused(times: int) -> None:
     text = robot(*[joint('a', '<limit effort="5"/>')] * times)
-    with pytest.raises(DataError, match=f"the joint 'a' once, but has it {times} times; publish"):
+    with pytest.raises(DataError, match=f"the joint 'a' once, but has it {times} times; give the"):
         effort_limits(text, '/robot_description', ('a',))
 
 

@@ -132,3 +132,10 @@ def test_what_is_no_plan(tmp_path: Path, old: str, new: str, sentence: str) -> N
 def test_what_is_no_message(tmp_path: Path, text: str, sentence: str) -> None:
     with pytest.raises((SourceError, DataError), match=sentence):
         read_plans(write(tmp_path, text))
+
+
+@pytest.mark.parametrize('name', ['motion.csv', 'motion'])
+def test_a_file_of_another_kind_is_told_what_a_plan_is(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text('t,q_a\n0,0\n')
+    with pytest.raises(SourceError, match=r'must be a plan in \.yaml or a bag, but ends in'):
+        read_plans(tmp_path / name)
