@@ -15,6 +15,7 @@ from lip_id_ros.gp import initialisation
 from lip_id_ros.gp.fitting import make_kernel
 from lip_id_ros.gp.initialisation import (
     FACTORS,
+    initial_friction,
     initial_hyperparameters,
     SIGN_SHARE,
     with_likely_sign_widths,
@@ -108,3 +109,12 @@ def test_each_joint_is_judged_with_widths_found_before(monkeypatch: pytest.Monke
     states = after_first.states(data.q, data.dq, data.ddq)
     expected = TorquePrior(after_first, at).noisy_gram(states)
     np.testing.assert_allclose(grams[1], expected, rtol=1e-9, atol=1e-12 * expected.max())
+
+
+@pytest.mark.parametrize('faster', [0.5, 3.0])
+def test_friction_a_priori_is_a_tenth_of_each_torque_at_any_speed(faster: float) -> None:
+    dq = faster * np.random.default_rng(0).standard_normal((200, 2))
+    deviation = np.array([20.0, 3.0])
+    viscous, coulomb, offset = initial_friction(dq, deviation).T
+    for variance in (viscous * np.mean(dq**2, axis=0), coulomb, offset):
+        np.testing.assert_allclose(np.sqrt(variance), 0.1 * deviation)
