@@ -186,11 +186,11 @@ def test_a_continuous_joint_is_refused(tmp_path: Path) -> None:
 
 def test_the_remedy_without_pinocchio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, 'pinocchio', None)
-    with pytest.raises(LipIdError, match=r'pip install lip_id_ros\[sim\]'):
+    with pytest.raises(LipIdError, match=r"pip install 'lip_id_ros\[sim\]'"):
         SimulatedArm(tmp_path / 'any.urdf', 1)
 
 
 def test_the_remedy_without_robot_descriptions(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr('importlib.metadata.files', lambda name: None)
-    with pytest.raises(LipIdError, match=r'example-robot-data.*pip install lip_id_ros\[sim\]'):
+    with pytest.raises(LipIdError, match=r"example-robot-data.*pip install 'lip_id_ros\[sim\]'"):
         panda()
