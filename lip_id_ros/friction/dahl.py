@@ -114,11 +114,6 @@ class Steps(NamedTuple):
         before = np.where(np.isfinite(dq), BEFORE_S * dq, 0.0)
         return cls(np.where(unknown, before, size), unknown)
 
-    @classmethod
-    def unknown(cls, shape: tuple[int, ...]) -> Steps:
-        """Return the steps of single states, of which nothing is known."""
-        return cls(np.zeros(shape), np.ones(shape, dtype=np.bool_))
-
 
 def unwrapped(steps: Array, revolute: BoolArray) -> Array:
     """Return steps of joints (..., n) without the whole turns of those that are revolute."""
@@ -191,17 +186,6 @@ class Dahl:
             return np.zeros((len(state.dq), 1))
         own = state.dahl[:, DISPLACEMENTS.index(self.displacement)]
         return (own - smooth_sign(state, self.width))[:, None]
-
-    def unknown_std(self, state: DriveState, share: Array) -> Array:
-        """
-        Return the deviation (N,) of the feature where a share of the state is unknown.
-
-        A joint that moves has friction of its sign; one that rests has any (`unknown_share`).
-        """
-        own = share[:, DISPLACEMENTS.index(self.displacement)]
-        return np.asarray(
-            own * np.sqrt(1.0 - np.minimum(smooth_sign(state, self.width) ** 2, 1.0))
-        )
 
     def columns(self) -> tuple[Column, ...]:
         """Return the features of single states, which show nothing of the past."""

@@ -214,21 +214,6 @@ class FrictionModel:
         kept = [isinstance(part.term, Dahl) for part in self.basis.terms]
         return self.with_terms(kept) if any(kept) else None
 
-    def unknown_std(self, q: Array, dq: Array, ddq: Array, share: Array) -> Array:
-        """
-        Return deviations (N, n) of torques whose friction has an unknown past [N m or N].
-
-        `share`, shape (N, n, D), is by `unknown_share`.
-        """
-        variance, load = np.zeros_like(dq), np.zeros_like(dq)
-        for part, place in zip(self.basis.terms, self.basis.slices, strict=True):
-            if isinstance(part.term, Dahl) and len(part.drive.joints) == 1:
-                (joint,) = part.drive.joints
-                state = part.drive.state(q, dq, ddq, load, self.basis.rise_time)
-                size = self.coefficients[place] * part.term.unknown_std(state, share[:, joint])
-                variance[:, joint] += size**2
-        return np.sqrt(variance)
-
     @cached_property
     def _loaded(self) -> FrictionModel:
         """The terms that depend on the load."""

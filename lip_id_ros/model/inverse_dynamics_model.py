@@ -22,8 +22,8 @@ from lip_id_ros.friction.dahl import (
     Steps,
     unknown_share,
 )
-from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.joint_history import JointHistory, UNKNOWN
+from lip_id_ros.friction.dahl_friction import DahlFriction
+from lip_id_ros.joint_history import DISPLACEMENTS
 from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.kernels import TorquePosterior
 from lip_id_ros.model import serialization
@@ -182,14 +182,13 @@ class InverseDynamicsModel:
         """
         x = self._checked(q, dq, ddq)
         parts = self._mean.many(*x)
-        if self._memory is not None:
-            at, rate, change = x
-            load = np.zeros_like(at)
-            remembered = self._memory.torque(at, rate, change, load, self._history(x, t))
+        steps = None if self._memory is None else self._steps(x, t)
+        if self._memory is not None and steps is not None:
+            remembered = self._memory.torque(x[1], x[2], dahl_states(steps))
             parts.tau[:] += remembered
             parts.friction[:] += remembered
         potential = parts.potential - self._potential_offset if self.has_potential else None
-        std = self.standard_deviation(x[0], x[1], x[2], t) if return_std else None
+        std = self._standard_deviation(x, t, EVERY) if return_std else None
         return Prediction(**{**parts._asdict(), 'potential': potential}, std=std)
 
     def inertia_matrix(self, q: ArrayLike) -> Array:
@@ -284,7 +283,11 @@ class InverseDynamicsModel:
             If the shapes are not (N, n) with the model's n.
 
         """
-        states = self._checked(q, dq, ddq)
+        return self._standard_deviation(self._checked(q, dq, ddq), t, rows)
+
+    def _standard_deviation(
+        self, states: Sequence[Array], t: ArrayLike | None, rows: Rows
+    ) -> StandardDeviation:
         at, rate, change = (x[rows] for x in states)
         if self.process is not None:
             variances = self.process.variances(at, rate, change, self.potential_reference)
@@ -403,23 +406,18 @@ class InverseDynamicsModel:
         return digest(arrays, json.dumps(header, sort_keys=True))
 
     @cached_property
-    def _memory(self) -> FrictionModel | None:
+    def _memory(self) -> DahlFriction | None:
         """Friction that depends on the history, but for joints with a process in its place."""
         memory = None if self.arm is None else self.arm.friction.remembering
-        if memory is None or self.residual_gp is None:
-            return memory
-        replaced = self.residual_gp.replaces
-        kept = [not replaced[part.drive.joints[0]] for part in memory.basis.terms]
-        return memory.with_terms(kept) if any(kept) else None
+        if memory is not None and self.residual_gp is not None:
+            replaced = self.residual_gp.replaces
+            kept = [not replaced[part.drive.joints[0]] for part in memory.basis.terms]
+            memory = memory.with_terms(kept) if any(kept) else None
+        return None if memory is None else DahlFriction.of(memory)
 
     @cached_property
     def _revolute(self) -> BoolArray:
         return np.asarray(~is_prismatic(self.joint_types))
-
-    def _history(self, states: Sequence[Array], t: ArrayLike | None) -> JointHistory:
-        """Return what rows show of the past of those after them."""
-        steps = self._steps(states, t)
-        return UNKNOWN if steps is None else JointHistory(dahl=dahl_states(steps))
 
     def _steps(self, states: Sequence[Array], t: ArrayLike | None) -> Steps | None:
         """Return the displacements of rows q, dq, ddq; None where they are single states."""
@@ -467,8 +465,11 @@ class InverseDynamicsModel:
             self._residual_gp_deviation.add_to(std, *some)
         if self._memory is not None:
             steps = self._steps((q, dq, ddq), t)
-            share = unknown_share(Steps.unknown(q.shape) if steps is None else steps)
-            std = np.hypot(std, self._memory.unknown_std(*some, share[rows]))
+            if steps is None:  # nothing is known of single states
+                share = np.ones((*std.shape, len(DISPLACEMENTS)))
+            else:
+                share = unknown_share(steps)[rows]
+            std = np.hypot(std, self._memory.unknown_std(some[1], some[2], share))
         return std
 
     def _checked(self, *arrays: ArrayLike) -> list[Array]:

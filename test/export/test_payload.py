@@ -20,6 +20,7 @@ from lip_id_ros.description.robot import moved
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.payload import attached, mass_cautions, payload_in_flange
+from lip_id_ros.friction.dahl_friction import DahlFriction
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.identification.payload import LoadedArm
 from lip_id_ros.joint_history import DISPLACEMENTS
@@ -69,7 +70,7 @@ def test_the_model_has_the_payload() -> None:
     rows = columns @ loaded.body_root
     rows += after.arm.friction.load_slopes(q, dq, ddq, links) @ rows
     past = np.ones((*q.shape, len(DISPLACEMENTS)))  # of single states it is not known
-    unknown = after.arm.friction.unknown_std(q, dq, ddq, past)
+    unknown = DahlFriction.of(after.arm.friction).unknown_std(dq, ddq, past)
     expected = np.hypot(np.linalg.norm(rows, axis=2), unknown)
     np.testing.assert_allclose(std.tau, expected, rtol=1e-3)
 

@@ -14,8 +14,11 @@ from lip_id_ros.friction.compiled import (
     friction_features,
     set_load_slopes,
 )
+from lip_id_ros.friction.dahl import Dahl
+from lip_id_ros.friction.dahl_friction import DahlFriction
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.friction.terms import smooth_sign
 from lip_id_ros.joint_history import DISPLACEMENTS, JointHistory
 
 
@@ -91,3 +94,37 @@ def test_added_to_what_is_there() -> None:
 def test_no_friction_at_all() -> None:
     model = FrictionModel(FrictionBasis(2, ()), np.zeros(0))
     np.testing.assert_array_equal(evaluated(model, *np.ones((4, 4, 2))), 0.0)
+
+
+@given(seed=st.integers(0, 10_000))
+def test_what_joints_remember_is_the_same_as_in_numpy(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    drives = [
+        Drive.of_joint(0),
+        Drive.of_joint(2),
+        Drive((1, 2), (1.0, -0.5)),
+        Drive((1,), (-2.0,)),
+    ]
+    displacements = rng.choice(DISPLACEMENTS, 8)
+    terms = tuple(
+        DriveTerm(drives[k % 4], Dahl(rng.uniform(0.01, 1.0), float(x)))
+        for k, x in enumerate(displacements)
+    )
+    basis = FrictionBasis(3, terms, 0.05 * rng.integers(2))
+    model = FrictionModel(basis, rng.uniform(0.0, 2.0, basis.size))
+    q, dq, ddq, load = rng.standard_normal((4, 20, 3))
+    dahl = rng.uniform(-1.0, 1.0, (20, 3, len(DISPLACEMENTS)))
+    expected = model.torque(q, dq, ddq, load, JointHistory(dahl=dahl))
+    compiled = DahlFriction.of(model)
+    np.testing.assert_allclose(compiled.torque(dq, ddq, dahl), expected, atol=1e-12)
+    # the variance of a state that is one or minus one, at the sign of the velocity in the mean
+    share, unknown = np.abs(dahl), np.zeros((20, 3))
+    for part, coefficient in zip(terms, model.coefficients, strict=True):
+        if len(part.drive.joints) == 1:
+            j, place = part.drive.joints[0], DISPLACEMENTS.index(part.term.displacement)
+            sign = smooth_sign(
+                part.drive.state(q, dq, ddq, load, basis.rise_time), part.term.width
+            )
+            unknown[:, j] += (coefficient * share[:, j, place]) ** 2 * (1.0 - sign**2)
+    found = compiled.unknown_std(dq, ddq, share)
+    np.testing.assert_allclose(found, np.sqrt(unknown), atol=1e-12)

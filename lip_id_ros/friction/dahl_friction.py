@@ -1,0 +1,96 @@
+"""Dahl's friction of an arm, compiled: what joints remember, and what is not known of it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lip_id_ros.arrays import Array, IntArray
+from lip_id_ros.friction.dahl import Dahl
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.joint_history import DISPLACEMENTS
+from lip_id_ros.numba_jit import jit, jit_inlined
+
+
+class DahlFriction(NamedTuple):
+    """Dahl's friction of joints, a row for each term; drives of several joints have none."""
+
+    joint: IntArray
+    ratio: Array
+    displacement: IntArray  # its place in `DISPLACEMENTS`
+    width: Array
+    coefficient: Array
+    rise_time: float
+
+    @classmethod
+    def of(cls, friction: FrictionModel) -> DahlFriction:
+        """Return the terms of friction that remember."""
+        basis = friction.basis
+        rows = [
+            (
+                part.drive.joints[0],
+                DISPLACEMENTS.index(part.term.displacement),
+                part.drive.ratios[0],
+                part.term.width,
+                friction.coefficients[place.start],
+            )
+            for part, place in zip(basis.terms, basis.slices, strict=True)
+            if isinstance(part.term, Dahl) and len(part.drive.joints) == 1
+        ]
+        joint, displacement, ratio, width, coefficient = np.array(rows).reshape(-1, 5).T.copy()
+        return cls(
+            joint.astype(np.int64),
+            ratio,
+            displacement.astype(np.int64),
+            width,
+            coefficient,
+            float(basis.rise_time),
+        )
+
+    def torque(self, dq: Array, ddq: Array, states: Array) -> Array:
+        """Return the torques (N, n) [N m or N] of `dahl_states` at velocities (N, n)."""
+        return np.asarray(_torque(self, dq, ddq, states))
+
+    def unknown_std(self, dq: Array, ddq: Array, share: Array) -> Array:
+        """
+        Return deviations (N, n) of torques whose friction has an unknown past [N m or N].
+
+        A joint that moves has friction of its sign; one that rests has any. `share`, shape
+        (N, n, D), is by `unknown_share`.
+        """
+        return np.asarray(_unknown_std(self, dq, ddq, share))
+
+
+@jit
+def add_dahl_torque(terms: DahlFriction, dq: Array, ddq: Array, states: Array, out: Array) -> None:
+    """Add the torques (n,) of friction with the states (n, D) of `Dahl` at one joint state."""
+    for k in range(len(terms.joint)):
+        j = terms.joint[k]
+        remembered = states[j, terms.displacement[k]] - _sign(terms, k, dq[j], ddq[j])
+        out[j] += terms.ratio[k] * terms.coefficient[k] * remembered
+
+
+@jit
+def _torque(terms: DahlFriction, dq: Array, ddq: Array, states: Array) -> Array:
+    out = np.zeros(dq.shape)
+    for t in range(len(dq)):
+        add_dahl_torque(terms, dq[t], ddq[t], states[t], out[t])
+    return out
+
+
+@jit
+def _unknown_std(terms: DahlFriction, dq: Array, ddq: Array, share: Array) -> Array:
+    out = np.zeros(dq.shape)
+    for t in range(len(dq)):
+        for k in range(len(terms.joint)):
+            j = terms.joint[k]
+            size = terms.coefficient[k] * share[t, j, terms.displacement[k]]
+            out[t, j] += size**2 * (1.0 - _sign(terms, k, dq[t, j], ddq[t, j]) ** 2)
+    return np.sqrt(out)
+
+
+@jit_inlined
+def _sign(terms: DahlFriction, k: int, dq: float, ddq: float) -> float:
+    smoothing = terms.rise_time * terms.ratio[k] * ddq
+    return np.tanh(terms.ratio[k] * dq / np.hypot(terms.width[k], smoothing))
