@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -93,4 +94,4 @@ def _unknown_std(terms: DahlFriction, dq: Array, ddq: Array, share: Array) -> Ar
 @jit_inlined
 def _sign(terms: DahlFriction, k: int, dq: float, ddq: float) -> float:
     smoothing = terms.rise_time * terms.ratio[k] * ddq
-    return np.tanh(terms.ratio[k] * dq / np.hypot(terms.width[k], smoothing))
+    return math.tanh(terms.ratio[k] * dq / math.hypot(terms.width[k], smoothing))
