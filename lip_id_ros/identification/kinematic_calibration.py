@@ -132,16 +132,20 @@ class PlacementProblem:
         return Placements(chain, np.asarray(parameters), cost, features, factor, residual)
 
     def normal_equations(self, point: Placements) -> tuple[Array, Array]:
-        """Return J^T J and J^T r with the approximation of Kaufman (1975); J^T r is exact."""
+        """
+        Return J^T J and J^T r with the approximation of Kaufman (1975); J^T r is exact.
+
+        J has what of the slopes S the features F cannot explain, so that J^T J is S^T S without
+        the part along F, and r is at right angles to F already.
+        """
         samples, n = self._samples, len(point.chain.prismatic)
         links = point.link_parameters(samples)
         slopes = placement_derivatives(point.chain, links, *samples.state)
         slopes *= self._scale[..., None, None]
         along = slopes.reshape(len(point.features), -1)
-        taken, _ = lapack.dpotrs(point.factor, point.features.T @ along, lower=1)
-        jacobian = point.features @ taken - along
-        hessian = jacobian.T @ jacobian + taken.T @ taken
-        gradient = jacobian.T @ point.residual - taken.T @ point.parameters
+        explained = blas.dtrsm(1.0, point.factor, point.features.T @ along, lower=1)
+        hessian = along.T @ along - explained.T @ explained
+        gradient = -(along.T @ point.residual)
         distances = np.tile([0.0, 0.0, 0.0, 1.0, 1.0, 1.0], n) / REACH**2
         hessian.flat[:: len(hessian) + 1] += distances
         gradient.reshape(n, DIRECTIONS)[:, 3:] += point.chain.translations / REACH**2
