@@ -110,14 +110,13 @@ class Bag:
                 for channel in storage.channels
                 if channel.topic == topic and kind in ('', channel.type)
             }
+            seen: set[int] = set()
             for number, receive_ns, data in storage.messages(channels):
                 channel = channels[number]
-                forms.add(channel.form)
-                if len(forms) > _MOST_DEFINITIONS:
-                    raise SourceError(
-                        f'{topic} in {self.path} must have at most {_MOST_DEFINITIONS} message '
-                        'definitions, but has more; record it again.'
-                    )
+                if number not in seen:
+                    seen.add(number)
+                    forms.add(channel.form)
+                    self._check_definitions(topic, len(forms))
                 yield channel, receive_ns, _plain(channel, data)
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
@@ -131,6 +130,13 @@ class Bag:
             if channel.form not in decoders:
                 decoders[channel.form] = self.decoder(channel)
             yield receive_ns, None if data is None else decoders[channel.form](data)
+
+    def _check_definitions(self, topic: str, count: int) -> None:
+        if count > _MOST_DEFINITIONS:
+            raise SourceError(
+                f'{topic} in {self.path} must have at most {_MOST_DEFINITIONS} message '
+                'definitions, but has more; record it again.'
+            )
 
     def decoder(self, channel: Channel) -> Decode:
         """

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 import os
+from typing import NamedTuple
 
 import numpy as np
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.csv_table import check_columns, check_efforts, CsvTable, joints_of, read_table
 from lip_id_ros.errors import DataError, missing_joints, SourceError
 from lip_id_ros.progress import Progress, silent
@@ -41,7 +42,14 @@ _LATEST_S = 4e9
 _CSV_SIGNALS = ('q', 'dq', 'tau')
 
 PathLike = str | os.PathLike[str]
-Batch = list[tuple[Channel, int, bytes]]
+
+
+class Batch(NamedTuple):
+    """Messages with their channels and times of recording [ns], one after the other."""
+
+    channels: tuple[Channel, ...]
+    receive_ns: tuple[int, ...]
+    messages: tuple[bytes, ...]
 
 
 def read_sources(
@@ -240,7 +248,7 @@ def _collected(
     progress(stage, 0, topic.count)
     for batch in _batches(bag, topic):
         _collect(bag, batch, collector)
-        done += len(batch)
+        done += len(batch.messages)
         progress(stage, min(done, topic.count), topic.count)
     progress(stage, topic.count, topic.count)
     collector.counts[Reason.LOST] += bag.lost(topic.name)
@@ -249,34 +257,46 @@ def _collected(
 
 
 def _collect(bag: Bag, batch: Batch, collector: SampleCollector) -> None:
-    forms: dict[tuple[str, ...], tuple[Channel, list[int]]] = {}
-    for row, (channel, _, _) in enumerate(batch):
-        forms.setdefault(channel.form, (channel, []))[1].append(row)
     pieces = []
-    for channel, some in forms.values():
-        rows, is_ros1 = np.array(some), channel.encoding == 'ros1'
-        messages = [batch[row][2] for row in some]
-        receive_ns = np.array([batch[row][1] for row in some], np.int64)
+    for channel, rows in _by_form(batch.channels):
         found = message_blocks(
-            messages, receive_ns, channel.type, is_ros1, bag.decoder(channel), collector.counts
+            [batch.messages[row] for row in rows],
+            np.array(batch.receive_ns, np.int64)[rows],
+            channel.type,
+            channel.encoding == 'ros1',
+            bag.decoder(channel),
+            collector.counts,
         )
         pieces += [(rows[numbers], block) for numbers, block in found]
     collector.add(pieces)
 
 
+def _by_form(channels: Sequence[Channel]) -> Iterator[tuple[Channel, IndexArray]]:
+    """Yield the numbers of those that are read alike, with one of them."""
+    numbers = np.array([*map(id, channels)])  # each file has one object for each
+    forms: dict[tuple[str, ...], list[int]] = {}
+    for first in np.unique(numbers, return_index=True)[1]:
+        forms.setdefault(channels[first].form, []).append(first)
+    for some in forms.values():
+        yield channels[some[0]], np.flatnonzero(np.isin(numbers, numbers[some]))
+
+
 def _batches(bag: Bag, topic: Topic) -> Iterator[Batch]:
     """Yield messages in the order of the files, some at a time; of no more bytes than need be."""
-    batch: Batch = []
+    rows: list[tuple[Channel, int, bytes]] = []
     size = 0
     for channel, receive_ns, data in bag.stored(topic.name, topic.type):
         # what cannot be decompressed is as unreadable as an empty message
-        batch.append((channel, max(-1, min(receive_ns, LATEST_NS)), data or b''))
-        size += len(batch[-1][2])
-        if len(batch) == _BATCH or size > _BATCH_BYTES:
-            yield batch
-            batch, size = [], 0
-    if batch:
-        yield batch
+        message = data or b''
+        if not -1 <= receive_ns <= LATEST_NS:
+            receive_ns = max(-1, min(receive_ns, LATEST_NS))
+        rows.append((channel, receive_ns, message))
+        size += len(message)
+        if len(rows) == _BATCH or size > _BATCH_BYTES:
+            yield Batch(*zip(*rows, strict=True))
+            rows, size = [], 0
+    if rows:
+        yield Batch(*zip(*rows, strict=True))
 
 
 def _checked(topics: Sequence[SampleCollector], settings: RecordingSettings) -> JointSamples:

@@ -24,6 +24,7 @@ _KINDS = {
 _LAST_KNOWN, _FIRST_PRIVATE = 0x0F, 0x80
 _HEAD = struct.Struct('<BQ')
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
+_BOTH_HEADS = struct.Struct('<BQHIQQ')
 _CHUNK_HEAD = struct.Struct('<QQQII')
 _FOOTER_LENGTH = 20
 _ENTRY_LENGTH = 16  # of a message index
@@ -99,14 +100,14 @@ class McapFile(ChunkedFile):
 
     def _items(self, data: bytes, wanted: Collection[int] | None) -> Generator[Item, None, int]:
         position, size, head = 0, len(data), _HEAD.size
+        room = data + bytes(_MESSAGE_HEAD.size)  # one struct for both heads, where there is one
         while position + head <= size:
-            code, length = _HEAD.unpack_from(data, position)
+            code, length, channel, _, time_ns, _ = _BOTH_HEADS.unpack_from(room, position)
             start = position + head
             end = start + length
             if end > size:
                 break
             if code == _MESSAGE and length >= _MESSAGE_HEAD.size:
-                channel, _, time_ns, _ = _MESSAGE_HEAD.unpack_from(data, start)
                 if wanted is None:
                     yield Item(channel, time_ns, b'')
                 elif channel in wanted:
