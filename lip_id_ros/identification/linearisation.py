@@ -7,6 +7,7 @@ translations of the joints (6 n), parameters of the links (11 n).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -94,18 +95,27 @@ class Linearisation:
         regressor = torque_regressor(self.chain, *state)
         load = regressor @ self.links.ravel()
         placements = placement_derivatives(self.chain, self.links, *state)
-        arm = np.concatenate([placements.reshape(*load.shape, -1), regressor], axis=2)
+        arm = [placements.reshape(*load.shape, -1), regressor]
         target = dataset.tau
         if self.friction.basis.is_loaded.any():
             slopes = self.friction.load_slopes(*state, load, history)
-            arm += slopes @ arm
+            arm = [each + slopes @ each for each in arm]
             target = target + np.einsum('tij,tj->ti', slopes, load)
-        features = np.concatenate(
-            [friction_features(self.basis, *state, load, history), arm], axis=2
-        )
-        return [
-            features[:, joint, np.concatenate(own)] for joint, own in enumerate(self.columns)
-        ], target
+        parts = [friction_features(self.basis, *state, load, history), *arm]
+        return [self._of_joint(joint, parts) for joint in range(self.n_joints)], target
+
+    def _of_joint(self, joint: int, parts: Sequence[Array]) -> Array:
+        """Return the features (N, k_i + p_i) of a joint of those of all, by kinds (N, n, p)."""
+        column = np.concatenate(self.columns[joint])
+        ends = np.cumsum([0, *(each.shape[2] for each in parts)])
+        out, at = np.empty((len(parts[0]), column.size)), 0
+        for each, first, last in zip(parts, ends, ends[1:], strict=False):
+            own = column[(column >= first) & (column < last)] - first
+            is_slice = own.size and own[-1] - own[0] == own.size - 1  # copied far faster
+            some = slice(own[0], own[-1] + 1) if is_slice else own
+            out[:, at : at + own.size] = each[:, joint, some]
+            at += own.size
+        return out
 
     def residual(self, dataset: Dataset) -> Array:
         """Return the residuals of the present parameters, shape (N, n) [N m or N]."""

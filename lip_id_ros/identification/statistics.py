@@ -71,8 +71,11 @@ class TorqueStatistics:
             weights = np.ones_like(tau)
         factors = []
         for i, factor in enumerate(self.factors):
-            rows = np.column_stack([features[i], tau[:, i]])
-            factors.append(triangular(factor, rows * np.sqrt(weights[:, i : i + 1])))
+            root = np.sqrt(weights[:, i : i + 1])
+            rows = np.empty((len(tau), len(factor)), order='F')
+            np.multiply(features[i], root, out=rows[:, :-1])
+            np.multiply(tau[:, i : i + 1], root, out=rows[:, -1:])
+            factors.append(triangular(factor, rows))
         taken = np.full(len(self.columns), len(tau)) if counts is None else counts.sum(axis=0)
         return TorqueStatistics(self.columns, tuple(factors), self.counts + taken)
 
@@ -164,11 +167,13 @@ def posterior_root(system: Array, prior_std: Array) -> Array:
 
 def triangular(*blocks: Array) -> Array:
     """Triangular R of stacked rows A, R^T R = A^T A, with a diagonal that is not negative."""
-    rows = np.concatenate(blocks)
-    size = rows.shape[1]
-    if len(rows) < size:
-        rows = np.concatenate([rows, np.zeros((size - len(rows), size))])
-    packed, *_ = lapack.dgeqrf(np.asfortranarray(rows), overwrite_a=1)
+    size = blocks[0].shape[1]
+    some = [each for each in blocks if each.any()]  # rows of zeros take as long as others
+    lengths = [len(each) for each in some]
+    rows = np.zeros((max(sum(lengths), size), size), order='F')
+    for each, end in zip(some, np.cumsum(lengths), strict=True):
+        rows[end - len(each) : end] = each
+    packed, *_ = lapack.dgeqrf(rows, overwrite_a=1)
     factor = np.triu(packed[:size])
     return np.ascontiguousarray(factor * np.where(np.diagonal(factor) < 0.0, -1.0, 1.0)[:, None])
 

@@ -21,7 +21,7 @@ from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.statistics import TorqueStatistics, triangular
 from lip_id_ros.packable import Packable
 
-CHUNK = 1000
+CHUNK = 400
 """Samples whose features are in memory at one time."""
 
 
