@@ -1,10 +1,11 @@
-"""One cell of `serve_rate`: a stream of references to `serve`, and the answers."""
+"""Cells of `serve_rate`: a stream of references to `serve`, and the answers."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 import json
+import math
 import os
 from pathlib import Path
 import struct
@@ -12,42 +13,111 @@ import subprocess
 import sys
 import threading
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
+from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import rclpy
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from benchmarks._cells import running
+from lip_id_ros.adaptation.followed import FollowedArm, WalkSettings
+from lip_id_ros.adaptation.updates import Update
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.running import make_executor, spinning
 from lip_id_ros.simulation import panda, SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION
 
 LIMITS = [87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]  # data sheet [N m]
-START_SECONDS, LAST_SECONDS = 120.0, 2.0
+START_SECONDS, LAST_SECONDS, TURN_S = 120.0, 2.0, 4.0
 WARM_UP = -1
 STAMP, STAMP_OFFSET = struct.Struct('<iI'), 4
 """The first field of a message with a header, after the four bytes of the encoding."""
 
 
 def main(request: dict[str, Any]) -> dict[str, Any]:
-    """Stream references for some seconds; return figures."""
+    """Stream references for some seconds, in turns with updates if asked; return rows."""
     rclpy.init()
     node = rclpy.create_node('rate_client')
-    client = Client(node)
-    with serving(request['model'], request['executor']) as process, spun(node):
+    client, seconds = Client(node), request['seconds']
+    rates = [0.0] if request['updates_hz'] is None else [0.0, request['updates_hz']]
+    turns: dict[float, list[Turn]] = {rate: [] for rate in rates}
+    updates = Updates(node, request['model'], seconds * rates[-1])
+    with serving(request['model'], request['executor'], rates[-1] > 0.0) as process, spun(node):
         client.wait_for_answer()
-        used = cpu_seconds(process.pid)
-        began = time.perf_counter()
-        client.stream(request['rate_hz'], request['seconds'])
-        elapsed = time.perf_counter() - began
-        cpu = 100.0 * (cpu_seconds(process.pid) - used) / elapsed
+        count = max(1, round(seconds / TURN_S))
+        for rate in rates * count:
+            with updates.coming(rate):
+                turn = client.turn(process.pid, request['rate_hz'], seconds / count)
+            turns[rate].append(turn)
         time.sleep(LAST_SECONDS)
-    return {**request, 'serve_cpu_percent': cpu, **client.figures(elapsed)}
+    followed = {0.0: 0, rates[-1]: updates.followed}
+    rows = [
+        {**request, 'updates_hz': rate, 'followed': followed[rate], **client.figures(own)}
+        for rate, own in turns.items()
+    ]
+    return {'rows': rows}
+
+
+class Turn(NamedTuple):
+    """References that were sent, the time that it took, and the processor time of `serve` [s]."""
+
+    numbers: range
+    elapsed: float
+    cpu: float
+
+
+class Updates:
+    """
+    Updates of the model as `adapt` publishes them: its friction up and down by a tenth.
+
+    `most`: how many are to come.
+
+    """
+
+    def __init__(self, node: Node, path: str, most: float) -> None:
+        self._publisher = node.create_publisher(String, '/adapt/update', qos.LATCHED)
+        node.create_subscription(DiagnosticStatus, '/serve/status', self._hear, qos.LATCHED)
+        self._waiting = iter(_updates(path, math.ceil(1.1 * most)))
+        self.followed = 0
+
+    @contextmanager
+    def coming(self, rate_hz: float) -> Iterator[None]:
+        """Publish at a rate while the block runs, at times of no fixed phase."""
+        ended = threading.Event()
+        thread = threading.Thread(target=self._publish, args=[rate_hz, ended])
+        if rate_hz > 0.0:
+            thread.start()
+        yield
+        ended.set()
+        if rate_hz > 0.0:
+            thread.join()
+
+    def _publish(self, rate_hz: float, ended: threading.Event) -> None:
+        rng = np.random.default_rng()
+        while not ended.wait(rng.uniform(0.5, 1.5) / rate_hz):
+            self._publisher.publish(next(self._waiting))
+
+    def _hear(self, message: DiagnosticStatus) -> None:
+        self.followed = messages.status_values(message)['adaptation'].get('followed', 0)
+
+
+def _updates(path: str, count: int) -> list[bytes]:
+    """Return serialized updates of a model."""
+    model = InverseDynamicsModel.load(path)
+    arm = FollowedArm(model, WalkSettings())
+    found = []
+    for counter in range(count):
+        numbers = arm.start.copy()
+        numbers[arm.friction] *= 1.0 + 0.1 * np.sin(counter)
+        text = Update(model.fingerprint, counter, numbers, True, (1.0, 1.0)).to_text()
+        found.append(serialize_message(String(data=text)))
+    return found
 
 
 class Client:
@@ -91,20 +161,30 @@ class Client:
             self._sent.append(time.perf_counter())
             self._publisher.publish(message)
 
-    def figures(self, elapsed: float) -> dict[str, Any]:
+    def turn(self, pid: int, rate_hz: float, seconds: float) -> Turn:
+        """Stream for some seconds, beside the clock of the process of `serve`."""
+        first, used, began = len(self._sent), cpu_seconds(pid), time.perf_counter()
+        self.stream(rate_hz, seconds)
+        elapsed = time.perf_counter() - began
+        return Turn(range(first, len(self._sent)), elapsed, cpu_seconds(pid) - used)
+
+    def figures(self, turns: Sequence[Turn]) -> dict[str, Any]:
         """Return what was lost, how long answers took, and whether they were safe."""
         answers = [(at, deserialize_message(each, JointState)) for at, each in self._answers]
         found = {number_of(answer): at for at, answer in answers}
         # serve also publishes at other times: while warming up, and after the last reference
-        ms = [1e3 * (found[n] - at) for n, at in enumerate(self._sent) if n in found]
+        numbers = [n for turn in turns for n in turn.numbers]
+        ms = [1e3 * (found[n] - self._sent[n]) for n in numbers if n in found]
+        elapsed = sum(turn.elapsed for turn in turns)
         return {
-            'sent': len(self._sent),
-            'sent_per_second': len(self._sent) / elapsed,
-            'lost': len(self._sent) - len(ms),
+            'sent': len(numbers),
+            'sent_per_second': len(numbers) / elapsed,
+            'lost': len(numbers) - len(ms),
             'wrong': sum(not safe(answer) for _, answer in answers),
             'answer_ms_median': float(np.median(ms)),
             'answer_ms_p99': float(np.percentile(ms, 99)),
             'answer_ms_max': max(ms),
+            'serve_cpu_percent': 100.0 * sum(turn.cpu for turn in turns) / elapsed,
         }
 
     def _receive(self, message: bytes) -> None:
@@ -142,7 +222,9 @@ def safe(answer: JointState) -> bool:
     return effort.shape == (len(LIMITS),) and bool((np.abs(effort) <= LIMITS).all())  # nan, too
 
 
-def serving(model: str, executor: str) -> AbstractContextManager[subprocess.Popen[bytes]]:
+def serving(
+    model: str, executor: str, follows: bool = False
+) -> AbstractContextManager[subprocess.Popen[bytes]]:
     """Run `serve` while the block runs."""
     return running(
         'serve',
@@ -150,6 +232,7 @@ def serving(model: str, executor: str) -> AbstractContextManager[subprocess.Pope
             'model_path': model,
             'accept_unproven': 'true',  # its speed is measured, not its errors
             'executor': executor,
+            'follow_adaptation': json.dumps(follows),
             'torque_limits': json.dumps(LIMITS),
             'ramp_s': '0.0',
             'joints': json.dumps(list(panda().joint_names)),

@@ -1,4 +1,10 @@
-"""Round trip of `serve` on a real ROS graph: rates, executors and middlewares."""
+"""
+Round trip of `serve` on a real ROS graph: rates, executors and middlewares.
+
+With `--updates`, `serve` follows updates of its model in every other turn of some seconds: a row
+without them, and one with them.
+
+"""
 
 from __future__ import annotations
 
@@ -19,6 +25,8 @@ COLUMNS = {
     'middleware': 'middleware',
     'executor': 'executor',
     'rate_hz': 'Hz',
+    'updates_hz': 'updates Hz',
+    'followed': 'followed',
     'sent_per_second': 'sent per s',
     'lost': 'lost',
     'wrong': 'wrong',
@@ -35,7 +43,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument('--rates', type=float, nargs='+', default=[100, 250, 500, 1000])
     parser.add_argument('--executors', nargs='+', choices=EXECUTORS, default=EXECUTORS)
     parser.add_argument('--middlewares', nargs='+', default=MIDDLEWARES)
-    parser.add_argument('--seconds', type=float, default=10.0)
+    parser.add_argument('--updates', type=float, help='rate of updates of the model [Hz]')
+    parser.add_argument('--seconds', type=float, default=10.0, help='of each row')
     parser.add_argument('--model', help='of the Panda; left out: one is fitted')
     parser.add_argument('--json', type=Path, help='also write the figures here')
     options = parser.parse_args(arguments)
@@ -43,17 +52,19 @@ def main(arguments: list[str]) -> int:
         model = options.model or fitted(folder)
         cells = itertools.product(options.middlewares, options.executors, options.rates)
         rows = [
-            measured(
+            row
+            for middleware, executor, rate_hz in cells
+            for row in measured(
                 'benchmarks._serve_client',
                 {
                     'middleware': middleware,
                     'executor': executor,
                     'rate_hz': rate_hz,
+                    'updates_hz': options.updates,
                     'seconds': options.seconds,
                     'model': model,
                 },
-            )
-            for middleware, executor, rate_hz in cells
+            )['rows']
         ]
     show(
         f'{options.seconds:g} s of single-point references to serve, 7 joints', COLUMNS, rows, 130

@@ -21,7 +21,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import rclpy
 
 from benchmarks._cells import show
-from benchmarks._serve_client import Client, LAST_SECONDS, serving, spun
+from benchmarks._serve_client import Client, LAST_SECONDS, serving, spun, Turn
 from benchmarks.serve_rate import fitted
 from benchmarks.soak_computed_torque import ALLOWED_KB, resident_kb
 from lip_id_ros.nodes import messages, qos
@@ -73,13 +73,12 @@ def soak(model: str, rate_hz: float, seconds: float) -> dict[str, Any]:
         stack.enter_context(busy())
         client.wait_for_answer()
         time.sleep(LAST_SECONDS)
-        before, began = statuses[-1], time.perf_counter()
+        before, turns = statuses[-1], list[Turn]()
         for _ in range(PARTS):
-            client.stream(rate_hz, seconds / PARTS)
+            turns.append(client.turn(process.pid, rate_hz, seconds / PARTS))
             memory.append(resident_kb(process.pid))
-        elapsed = time.perf_counter() - began
         time.sleep(LAST_SECONDS)
-    row = {**client.figures(elapsed), **accounted(before, statuses[-1])}
+    row = {**client.figures(turns), **accounted(before, statuses[-1])}
     row['missing'] = row['sent'] - row['answered'] - row['refused'] - row['lost']
     return {**row, 'first_kb': memory[PARTS // 10], 'last_kb': memory[-1]}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from lip_id_ros.adaptation.possible import can_exist
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.arrays import Array
 from lip_id_ros.model import InverseDynamicsModel, Prediction, Query
-from lip_id_ros.model.running_memory import RunningMemory
+from lip_id_ros.model.arm_mean import ChangingArmMean
 from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.status import in_words, Tally
@@ -21,22 +20,6 @@ from lip_id_ros.signals.torque_steps import LONGEST_STEP_S
 
 STATES = 100
 """Of the training data, at most, at which a change of torques is measured."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Served:
-    """A model with its numbers, shape (p,), and its own friction with a memory."""
-
-    numbers: Array
-    model: InverseDynamicsModel
-    memory: RunningMemory | None
-
-    def query(self, state: Array, now: float | None) -> Query:
-        """Evaluate a state (3, n), as one of a stream where there is a time [s]."""
-        found = self.model.query(*state)
-        if self.memory is None or now is None:
-            return found
-        return found._replace(tau=found.tau + self.memory.torque(state, now))
 
 
 class AdaptedModel:
@@ -51,13 +34,15 @@ class AdaptedModel:
     """
 
     def __init__(self, model: InverseDynamicsModel, rules: FollowRules) -> None:
-        self.rules = rules
+        self.rules, self._model = rules, model
         self._arm = FollowedArm(model, WalkSettings())
         self._walk, self._hash = self._arm.walk, model.fingerprint
         self._slopes = self._slopes_of_torques(model)
-        start = self._arm.start
-        self._commissioned = _Served(start, model, model.running_memory())
-        self._before = self._now = self._commissioned
+        self._mean = ChangingArmMean(self._arm.arm, model.residual_gp)
+        self._memory = model.running_memory()
+        self._potential = self._mean.potential_slopes(model.potential_reference)
+        self._before = self._now = self._served = self._arm.start
+        self._newest: InverseDynamicsModel | None = model
         self._share, self._at, self._heard = 1.0, -np.inf, -np.inf
         self._counter: int | None = None
         self._why = 'no update yet'
@@ -67,17 +52,23 @@ class AdaptedModel:
     @property
     def newest(self) -> InverseDynamicsModel:
         """The model that is followed, without a blend."""
-        return self._now.model
+        if self._newest is None:
+            self._newest = self._arm.with_numbers(self._now)
+        return self._newest
 
     @property
     def training_range(self) -> tuple[Array, Array]:
         """Lowest and highest q, dq and ddq of the training data, each of shape (3, n)."""
-        return self._commissioned.model.training_range
+        return self._model.training_range
 
     @property
     def numbers(self) -> Array | None:
         """Its numbers, shape (p,); None where it is the commissioned one."""
-        return None if self._now is self._commissioned else self._now.numbers
+        return self._now if self._is_adapted else None
+
+    @property
+    def _is_adapted(self) -> bool:
+        return not np.array_equal(self._now, self._arm.start)
 
     def take(self, text: str, now: float) -> None:
         """Follow an update from now on; RefusedError if it is not one to follow."""
@@ -109,16 +100,13 @@ class AdaptedModel:
     def go_back(self, why: str) -> None:
         """Blend to the commissioned model."""
         self._why = why
-        self.use(self._commissioned.numbers)
+        self.use(self._arm.start)
 
     def use(self, numbers: Array) -> None:
         """Blend to the model of numbers, shape (p,), from what is served now."""
-        if np.array_equal(numbers, self._now.numbers):
-            return
-        before, share = self._now, self._share
-        if share < 1.0:
-            before = self._served((1.0 - share) * self._before.numbers + share * before.numbers)
-        self._before, self._now, self._share = before, self._served(numbers), 0.0
+        if not np.array_equal(numbers, self._now):
+            self._before, self._now, self._share = self._served, numbers, 0.0
+            self._newest = None
 
     def query(self, state: Array, now: float, is_stream: bool = True) -> Query:
         """
@@ -127,26 +115,24 @@ class AdaptedModel:
         `is_stream`: with what friction remembers of the states before.
         """
         self.advance(now)
-        at = now if is_stream else None
-        found = self._now.query(state, at)
-        if self._share >= 1.0:
-            return found
-        before = self._before.query(state, at)
-        parts = (_blended(a, b, self._share) for a, b in zip(before, found, strict=True))
-        return Query(*parts)
+        tau, gravity, kinetic, potential = self._mean.one(*state)
+        if self._memory is not None and is_stream:
+            tau = tau + self._memory.torque(state, now)
+        return Query(tau, kinetic, potential - self._potential_offset, gravity)
 
     def predict(self, q: Array, dq: Array, ddq: Array) -> Prediction:
-        """Evaluate N joint states (N, n) at the time of the last call of `advance`."""
-        found = self._now.model.predict(q, dq, ddq)
-        if self._share >= 1.0:
-            return found
-        before = self._before.model.predict(q, dq, ddq)
-        names = ('tau', 'inertial', 'coriolis', 'gravity', 'friction', 'kinetic', 'potential')
-        parts: dict[str, Any] = {}
-        for name in names:
-            a, b = getattr(before, name), getattr(found, name)
-            parts[name] = None if b is None else _blended(a, b, self._share)
-        return replace(found, **parts)
+        """Evaluate N joint states (N, n), each alone, at the time of the last `advance`."""
+        parts = self._mean.many(*(np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq)))
+        potential = None
+        if self._model.has_potential:
+            potential = parts.potential - self._potential_offset
+        return Prediction(**{**parts._asdict(), 'potential': potential})
+
+    @property
+    def _potential_offset(self) -> float:
+        if not self._model.has_potential:
+            return np.nan
+        return float(self._potential @ self._served[: self._potential.size])
 
     def advance(self, now: float) -> None:
         """Let the blend go on; no more than `LONGEST_STEP_S` counts between two calls."""
@@ -154,7 +140,17 @@ class AdaptedModel:
             elapsed = min(max(now - self._at, 0.0), LONGEST_STEP_S)
             duration = self.rules.blend_s
             self._share += elapsed / duration if duration > 0.0 else 1.0
+            self._serve()
         self._at = now
+
+    def _serve(self) -> None:
+        """Evaluate the numbers of the blend from now on."""
+        self._served = self._now
+        if self._share < 1.0:
+            self._served = self._before + self._share * (self._now - self._before)
+        self._mean.use(self._served)
+        if self._memory is not None:
+            self._memory.use(self._served[self._arm.friction])
 
     def new_trouble(self) -> str:
         """Return in words what went wrong with updates since the last call, empty if nothing."""
@@ -168,7 +164,7 @@ class AdaptedModel:
     def values(self) -> dict[str, Any]:
         """Return the state and the counts, JSON-able."""
         return {
-            'model': 'commissioned' if self._now is self._commissioned else 'adapted',
+            'model': 'adapted' if self._is_adapted else 'commissioned',
             'why': self._why,
             'counter': self._counter,
             'gone_back': self.n_gone_back,
@@ -176,16 +172,6 @@ class AdaptedModel:
             **self.tally.used,
             'refused': dict(self.tally.refused),
         }
-
-    def _served(self, numbers: Array) -> _Served:
-        fit = self._commissioned
-        if np.array_equal(numbers, fit.numbers):
-            return fit
-        if np.array_equal(numbers, self._now.numbers):
-            return self._now
-        model = self._arm.with_numbers(numbers)
-        model.query(*np.zeros((3, model.n_joints)))  # packed before it is needed
-        return _Served(numbers, model, model.running_memory(self._now.memory))
 
     def _checked(self, update: Update) -> Update:
         if update.model != self._hash:
@@ -210,7 +196,3 @@ class AdaptedModel:
         """Return slopes of torques, in the largest of each joint, by the numbers, (M, n, p)."""
         largest = np.maximum(model.largest_torque, model.noise_std)
         return np.asarray(self._arm.usual_slopes(STATES) / largest[:, None])
-
-
-def _blended(before: Any, now: Any, share: float) -> Any:
-    return (1.0 - share) * before + share * now

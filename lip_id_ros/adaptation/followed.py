@@ -224,12 +224,14 @@ class FollowedArm:
     @property
     def fitted(self) -> InverseDynamicsModel:
         """The model of the fit, with the known body at its last link."""
-        is_bare = np.array_equal(self.start[self.last_body], self.arm.links[-1, :-1])
-        return self._model if is_bare else self.with_numbers(self.start)
+        return self.with_numbers(self.start)
 
     def with_numbers(self, numbers: Array) -> InverseDynamicsModel:
         """Return the model with other numbers, and the deviations of the fit."""
         links, friction = self._parts(numbers)
+        same = np.array_equal(links, self.arm.links)
+        if same and np.array_equal(friction.coefficients, self.arm.friction.coefficients):
+            return self._model
         return replace(self._model, arm=replace(self.arm, links=links, friction=friction))
 
     def model(self, numbers: Array, covariance: Array) -> InverseDynamicsModel:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, IntArray
+from lip_id_ros.arrays import Array, BoolArray, IntArray
 from lip_id_ros.friction.dahl import Dahl
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.joint_history import DISPLACEMENTS
@@ -20,30 +20,35 @@ class DahlFriction(NamedTuple):
     joint: IntArray
     ratio: Array
     displacement: IntArray  # its place in `DISPLACEMENTS`
+    place: IntArray  # of its coefficient among those of all friction
     width: Array
     coefficient: Array
     rise_time: float
 
     @classmethod
-    def of(cls, friction: FrictionModel) -> DahlFriction:
-        """Return the terms of friction that remember."""
+    def of(cls, friction: FrictionModel, left_out: BoolArray) -> DahlFriction:
+        """Return the terms of friction that remember, but for joints (n,) that are left out."""
         basis = friction.basis
         rows = [
             (
                 part.drive.joints[0],
                 DISPLACEMENTS.index(part.term.displacement),
+                place.start,
                 part.drive.ratios[0],
                 part.term.width,
                 friction.coefficients[place.start],
             )
             for part, place in zip(basis.terms, basis.slices, strict=True)
             if isinstance(part.term, Dahl) and len(part.drive.joints) == 1
+            if not left_out[part.drive.joints[0]]
         ]
-        joint, displacement, ratio, width, coefficient = np.array(rows).reshape(-1, 5).T.copy()
+        columns = np.array(rows).reshape(-1, 6).T.copy()
+        joint, displacement, place, ratio, width, coefficient = columns
         return cls(
             joint.astype(np.int64),
             ratio,
             displacement.astype(np.int64),
+            place.astype(np.int64),
             width,
             coefficient,
             float(basis.rise_time),

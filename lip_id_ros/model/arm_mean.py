@@ -15,6 +15,7 @@ from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.residual_gp import add_means, ResidualGP, ResidualGPMean
 from lip_id_ros.model.torque_model import Parts
 from lip_id_ros.numba_jit import in_threads, jit
+from lip_id_ros.rigid_body.chain import LINK_PARAMETERS
 from lip_id_ros.rigid_body.rnea import (
     inertial_torque,
     pack_links,
@@ -31,12 +32,14 @@ class ArmMean:
     `one` is hot: no checks, nothing allocated but the result; not for several threads at once.
     """
 
-    def __init__(self, arm: ArmPosterior, residual_gp: ResidualGP | None) -> None:
+    def __init__(
+        self, arm: ArmPosterior, friction: CompiledFriction, residual_gp: ResidualGP | None
+    ) -> None:
         self._n = n = len(arm.links)
-        floats, self._integers = pack(arm, CompiledFriction.of(arm.friction))
-        self._floats = floats
+        floats, self._integers = pack(arm, friction)
         out = 4 * n + 2
         self._memory = np.concatenate([np.zeros(3 * n + out + n * WORK_VECTORS * 3), floats])
+        self._floats = self._memory[-len(floats) :]
         self._q, self._dq, self._ddq = self._memory[: 3 * n].reshape(3, n)
         self._out = self._memory[3 * n : 3 * n + out]
         self._residual_gp = None if residual_gp is None else ResidualGPMean(residual_gp)
@@ -73,6 +76,34 @@ class ArmMean:
             self._residual_gp.add_to(parts.tau, q, dq, ddq)
             parts.friction[:] += parts.tau
         return parts
+
+
+class ChangingArmMean(ArmMean):
+    """The same of an arm whose links and friction change."""
+
+    def __init__(self, arm: ArmPosterior, residual_gp: ResidualGP | None) -> None:
+        features = CompiledFriction.features_of(arm.friction.basis)
+        super().__init__(arm, features, residual_gp)
+        n, factors = self._n, features.factor
+        self._links = self._floats[12 * n : (12 + LINK_PARAMETERS) * n]
+        self._factors, self._units = self._floats[-len(factors) :], factors
+        sizes = np.diff(features.ends, prepend=0)
+        self._column = self._links.size + np.repeat(np.arange(len(sizes)), sizes)
+        self.use(np.concatenate([arm.links.ravel(), arm.friction.coefficients]))
+
+    def use(self, numbers: Array) -> None:
+        """Evaluate other parameters of the links, then coefficients of friction, (11 n + K,)."""
+        self._links[:] = numbers[: self._links.size]
+        np.multiply(self._units, numbers[self._column], out=self._factors)
+
+    def potential_slopes(self, q: Array) -> Array:
+        """Return the slopes of the potential energy by the links at one position, (11 n,)."""
+        links, slopes = self._links.copy(), np.empty(self._links.size)
+        for k, unit in enumerate(np.eye(len(slopes))):
+            self._links[:] = unit
+            slopes[k] = self.one(q, *np.zeros((2, self._n)))[3]
+        self._links[:] = links
+        return slopes
 
 
 def pack(arm: ArmPosterior, friction: CompiledFriction) -> tuple[Array, IntArray]:

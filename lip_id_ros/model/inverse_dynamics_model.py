@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from lip_id_ros.arrays import Array, BoolArray, digest, EVERY, Rows
 from lip_id_ros.checked_file import Arrays, read_checked, write_checked
 from lip_id_ros.errors import ShapeError
+from lip_id_ros.friction.compiled import CompiledFriction
 from lip_id_ros.friction.dahl import (
     begins_of_states,
     begins_of_times,
@@ -387,17 +388,9 @@ class InverseDynamicsModel:
         assert self.arm is not None, 'a model is an arm or a process'
         return self.arm
 
-    def running_memory(self, before: RunningMemory | None = None) -> RunningMemory | None:
-        """
-        Return what friction with a memory adds to `query` along a stream; None without one.
-
-        `before`: of the same arm with other coefficients, of which the history is known.
-        """
-        if self._memory is None:
-            return None
-        if before is not None:
-            return before.with_friction(self._memory)
-        return RunningMemory(self._memory, self._revolute)
+    def running_memory(self) -> RunningMemory | None:
+        """Return what friction with a memory adds to `query` along a stream; None without one."""
+        return None if self._memory is None else RunningMemory(self._memory, self._revolute)
 
     @cached_property
     def fingerprint(self) -> str:
@@ -408,12 +401,17 @@ class InverseDynamicsModel:
     @cached_property
     def _memory(self) -> DahlFriction | None:
         """Friction that depends on the history, but for joints with a process in its place."""
-        memory = None if self.arm is None else self.arm.friction.remembering
-        if memory is not None and self.residual_gp is not None:
-            replaced = self.residual_gp.replaces
-            kept = [not replaced[part.drive.joints[0]] for part in memory.basis.terms]
-            memory = memory.with_terms(kept) if any(kept) else None
-        return None if memory is None else DahlFriction.of(memory)
+        if self.arm is None:
+            return None
+        memory = DahlFriction.of(self.arm.friction, self._replaced)
+        return memory if memory.joint.size else None
+
+    @cached_property
+    def _replaced(self) -> BoolArray:
+        """Joints with a process in the place of links and friction, shape (n,)."""
+        if self.residual_gp is None:
+            return np.zeros(self.n_joints, dtype=np.bool_)
+        return np.asarray(self.residual_gp.replaces, dtype=np.bool_)
 
     @cached_property
     def _revolute(self) -> BoolArray:
@@ -430,7 +428,8 @@ class InverseDynamicsModel:
     def _mean(self) -> ArmMean | ProcessMean:
         if self.process is not None:
             return ProcessMean(self.process)
-        return ArmMean(self._known_arm, self.residual_gp)
+        arm = self._known_arm
+        return ArmMean(arm, CompiledFriction.of(arm.friction), self.residual_gp)
 
     @cached_property
     def _arm_deviation(self) -> ArmDeviation:

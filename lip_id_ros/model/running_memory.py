@@ -19,16 +19,15 @@ class RunningMemory:
     """
 
     def __init__(self, friction: DahlFriction, revolute: BoolArray) -> None:
-        self._revolute, self._friction = revolute, friction
+        self._revolute = revolute
+        self._friction = friction._replace(coefficient=friction.coefficient.copy())
         self._q, self._now = np.zeros(revolute.size), -np.inf
         self._dahl = np.zeros((revolute.size, len(DISPLACEMENTS)))
         self.torque(np.zeros((3, revolute.size)), -np.inf)  # compiled before it is needed
 
-    def with_friction(self, friction: DahlFriction) -> RunningMemory:
-        """Return one with other coefficients that remembers the same states."""
-        other = RunningMemory(friction, self._revolute)
-        other._q, other._now, other._dahl = self._q.copy(), self._now, self._dahl.copy()
-        return other
+    def use(self, coefficients: Array) -> None:
+        """Go on with other coefficients (K,) of all friction of the arm."""
+        self._friction.coefficient[:] = coefficients[self._friction.place]
 
     def torque(self, state: Array, now: float) -> Array:
         """Return the torque to add, (n,) [N m or N], at a state of shape (3, n) and a time [s]."""

@@ -14,7 +14,7 @@ from lip_id_ros.adaptation.adapted_model import AdaptedModel
 from lip_id_ros.adaptation.follow_settings import FollowRules
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.arrays import Array
-from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.model import InverseDynamicsModel, Query
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 RULES = FollowRules(blend_s=1.0, timeout_s=5.0, limits=np.full(3, 5.0))
@@ -32,6 +32,12 @@ def update_to(model: InverseDynamicsModel, counter: int = 1) -> Update:
     return Update(known_model().fingerprint, counter, numbers_of(model), True, (0.5, 1.0))
 
 
+def assert_same(found: Query, expected: Query) -> None:
+    for name in Query._fields:
+        values = getattr(found, name), getattr(expected, name)
+        np.testing.assert_allclose(*values, rtol=1e-9, atol=1e-12)
+
+
 def torques(adapted: AdaptedModel, seconds: float, start: float) -> Array:
     """Return torques of one state over a time."""
     times = start + np.arange(0.0, seconds, STEP_S)
@@ -41,7 +47,7 @@ def torques(adapted: AdaptedModel, seconds: float, start: float) -> Array:
 def test_without_an_update_it_is_the_commissioned_model() -> None:
     model = known_model()
     adapted = AdaptedModel(model, RULES)
-    np.testing.assert_array_equal(adapted.query(STATE, 0.0).tau, model.query(*STATE).tau)
+    assert_same(adapted.query(STATE, 0.0), model.query(*STATE))
     assert adapted.newest is model
     assert adapted.numbers is None
 
@@ -190,6 +196,26 @@ def test_what_is_no_longer_followed_goes_back() -> None:
     adapted.take(update_to(with_friction(model, 0.9)).to_text(), 0.0)
     adapted.adjust(replace(RULES, follows=False))
     assert adapted.newest is model
+
+
+@pytest.mark.parametrize('kind', ['articulated', 'known', 'memory'])
+def test_torques_and_energies_are_those_of_a_model_with_the_numbers(kind: str) -> None:
+    fitted = random_model(kind) if kind == 'articulated' else known_model(kind == 'memory')
+    adapted = AdaptedModel(fitted, replace(RULES, limits=np.full(fitted.n_joints, 10.0)))
+    numbers = numbers_of(fitted)
+    numbers *= np.repeat([1.1, 0.8], [11 * fitted.n_joints, len(numbers) - 11 * fitted.n_joints])
+    state = np.random.default_rng(0).uniform(-0.5, 0.5, (3, fitted.n_joints))
+    adapted.advance(0.0)
+    adapted.use(numbers)
+    for t in np.arange(0.0, 2.0, STEP_S):
+        adapted.advance(t)
+    model = adapted.newest
+    assert_same(adapted.query(state, 9.0, False), model.query(*state))
+    rows = state[:, None]
+    for name in ('tau', 'inertial', 'coriolis', 'gravity', 'friction', 'kinetic', 'potential'):
+        found = getattr(adapted.predict(*rows), name)
+        np.testing.assert_allclose(found, getattr(model.predict(*rows), name), rtol=1e-9)
+    assert np.abs(model.query(*state).tau - fitted.query(*state).tau).max() > 0.1
 
 
 def test_a_fit_with_a_residual_process_is_followed_too() -> None:

@@ -70,7 +70,8 @@ def test_the_model_has_the_payload() -> None:
     rows = columns @ loaded.body_root
     rows += after.arm.friction.load_slopes(q, dq, ddq, links) @ rows
     past = np.ones((*q.shape, len(DISPLACEMENTS)))  # of single states it is not known
-    unknown = DahlFriction.of(after.arm.friction).unknown_std(dq, ddq, past)
+    none = np.zeros(dq.shape[1], dtype=bool)
+    unknown = DahlFriction.of(after.arm.friction, none).unknown_std(dq, ddq, past)
     expected = np.hypot(np.linalg.norm(rows, axis=2), unknown)
     np.testing.assert_allclose(std.tau, expected, rtol=1e-3)
 

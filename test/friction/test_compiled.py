@@ -115,7 +115,7 @@ def test_what_joints_remember_is_the_same_as_in_numpy(seed: int) -> None:
     q, dq, ddq, load = rng.standard_normal((4, 20, 3))
     dahl = rng.uniform(-1.0, 1.0, (20, 3, len(DISPLACEMENTS)))
     expected = model.torque(q, dq, ddq, load, JointHistory(dahl=dahl))
-    compiled = DahlFriction.of(model)
+    compiled = DahlFriction.of(model, np.zeros(model.n_joints, dtype=bool))
     np.testing.assert_allclose(compiled.torque(dq, ddq, dahl), expected, atol=1e-12)
     # the variance of a state that is one or minus one, at the sign of the velocity in the mean
     share, unknown = np.abs(dahl), np.zeros((20, 3))
