@@ -134,7 +134,9 @@ class ArmFitter:
 
     def coupled(self, couplings: Array) -> ArmFitter:
         """Return a fitter of the same samples with other couplings."""
-        return ArmFitter(self.dataset, self._described, self.robots, couplings)
+        other = ArmFitter(self.dataset, self._described, self.robots, couplings)
+        other._chosen = self._chosen
+        return other
 
     def selected(self, chain: Chain, offer: Offer = EVERY_TERM) -> SelectedFriction:
         """Select friction terms with the joints in given places."""

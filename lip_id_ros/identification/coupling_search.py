@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -103,16 +104,21 @@ def promising(search: ArmSearch, found: Calibration) -> Coupling | None:
     """Return the coupling with which short descents explain most, if that is far more."""
     if not (found.noise_std > LEAST_RESIDUAL * search.fitter.torque_std).any():
         return None
+    samples = search.search_samples()
+    coarse, few = coarse_noise(samples), few_of(samples, FEW_SAMPLES)
     with threadpool_limits(1), ThreadPoolExecutor(SEARCHES) as pool:
 
+        def cost(*more: Coupling) -> float:
+            couplings = np.concatenate([few.couplings, rows_of(more)])
+            return _lowest_cost(replace(few, couplings=couplings), coarse, found)
+
         def costs(couplings: list[Coupling]) -> list[float]:
-            searches = [with_coupling(search, each) for each in couplings]
-            return list(pool.map(lambda each: _lowest_cost(each, found), searches))
+            return list(pool.map(cost, couplings))
 
         offers = [c for c in _neighbours(search) if not _contradicts(search, c)]
         if not offers:
             return None
-        serial, first = _lowest_cost(search, found), costs(offers)
+        serial, first = cost(), costs(offers)
         if np.log(serial / min(first)) < HINT:
             return None
         best = offers[int(np.argmin(first))]
@@ -133,10 +139,9 @@ def _contradicts(search: ArmSearch, coupling: Coupling) -> bool:
     return bool(contradiction(couplings, search.fitter.dataset.n_joints))
 
 
-def _lowest_cost(search: ArmSearch, found: Calibration) -> float:
-    """Return the lowest cost of short descents on few samples from the minima."""
-    samples = search.search_samples()
-    problem = PlacementProblem(few_of(samples, FEW_SAMPLES), coarse_noise(samples))
+def _lowest_cost(samples: Samples, noise_std: Array, found: Calibration) -> float:
+    """Return the lowest cost of short descents from the minima."""
+    problem = PlacementProblem(samples, noise_std)
     chains = [each.chain for each in found.candidates[:MINIMA]]
     descents = [problem.descend(c.rotations, c.translations, EVALUATIONS) for c in chains]
     return min(each.cost for each in descents)
