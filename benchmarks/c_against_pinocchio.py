@@ -1,4 +1,4 @@
-"""The exported C header against pinocchio's C++ RNEA: a simulated Panda, both in one program."""
+"""The exported C header, a query from Python and pinocchio's C++ RNEA: a simulated Panda."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
+import time
 
 import numpy as np
 import pinocchio
@@ -21,7 +22,11 @@ from lip_id_ros.description.urdf import load_description
 from lip_id_ros.export.arm import ArmDescription, JointRanges
 from lip_id_ros.export.c_header import to_c_header
 from lip_id_ros.export.urdf import to_urdf
+from lip_id_ros.friction.compiled import CompiledFriction
 from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.model.arm_mean import ArmMean
+from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.simulation.arm import panda_urdf
 
 PROGRAM = Path(__file__).with_suffix('.cpp')
@@ -40,10 +45,11 @@ FROM_LIBRARY = (
     f'{shlex.quote(f"-L{PREFIX}/lib")} {shlex.quote(f"-Wl,-rpath,{PREFIX}/lib")}'
 )
 """Flags that take RNEA from pinocchio's library: compiled in a sixth of the time, not inlined."""
-SAME = 1e-9
+SAME, STATES = 1e-9, 10_000
 COLUMNS = {
     'flags': 'compiled with',
     'header_ns': 'torques and energies, header [ns]',
+    'query_ns': 'the same, query from Python [ns]',
     'rnea_ns': 'torques, pinocchio [ns]',
     'ratio': 'ratio',
     'difference': 'difference of links',
@@ -68,8 +74,11 @@ def main(arguments: list[str]) -> int:
         return 2
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        _export(folder)
-        rows = [measured(folder, eigen, flags, options.blocks) for flags in options.flags]
+        arm = _export(folder)
+        rows = [
+            {**measured(folder, eigen, flags, options.blocks), 'query_ns': f'{query_ns(arm):.0f}'}
+            for flags in options.flags
+        ]
     show('A Panda of 7 joints with friction, medians of single calls', COLUMNS, rows, 130)
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1))
@@ -98,7 +107,23 @@ def measured(folder: Path, eigen: Path, flags: str, blocks: int) -> dict[str, st
     }
 
 
-def _export(folder: Path) -> None:
+def query_ns(arm: ArmDescription) -> float:
+    """Return the median of single queries of an arm, compiled, from Python."""
+    size = len(arm.joint_names)
+    noise = TorqueNoise.constant(np.ones(size))
+    posterior = ArmPosterior(arm.chain, arm.links, arm.friction, noise, np.zeros((0, 0)))
+    query = ArmMean(posterior, CompiledFriction.of(arm.friction), None).one
+    states = np.random.default_rng(0).uniform(-1.0, 1.0, (STATES, 3, size))
+    query(*states[0])  # compiles
+    times = []
+    for state in states:
+        begun = time.perf_counter_ns()
+        query(*state)
+        times.append(time.perf_counter_ns() - begun)
+    return float(np.median(times))
+
+
+def _export(folder: Path) -> ArmDescription:
     """Write the simulated Panda with viscous and Coulomb friction as `arm.h` and `joints`."""
     names = tuple(f'panda_joint{i + 1}' for i in range(7))
     description = load_description(panda_urdf(), names, ('revolute',) * len(names))
@@ -119,3 +144,4 @@ def _export(folder: Path) -> None:
     for place, body in list(zip(model.jointPlacements, model.inertias, strict=True))[1:]:
         numbers += [place.rotation.ravel('F'), place.translation, body.toDynamicParameters()]
     np.savetxt(folder / 'joints', np.concatenate(numbers), fmt='%.17g')
+    return arm
