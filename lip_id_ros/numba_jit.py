@@ -32,6 +32,9 @@ import numpy as np
 
 PACKAGE = Path(__file__).parent
 
+IMPORT = re.compile(rb'^ *(?:from|import) (lip_id_ros[.\w]*)(?: import (\([^)]*\)|.*))?', re.M)
+"""A module of the package, and names in it that may be modules too."""
+
 LANES = 32
 
 LONGEST_WAIT_S, POLL_S = 20.0, 0.02
@@ -73,9 +76,8 @@ class _Cache(FunctionCache):
     _lock: int | None = None  # descriptor of a file
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
-        home = Path(self._py_func.__code__.co_filename).parent
         key = super()._index_key(sig, codegen)  # type: ignore[no-untyped-call]
-        return (*key, _digest(PACKAGE), '' if home.is_relative_to(PACKAGE) else _digest(home))
+        return (*key, _digest(Path(self._py_func.__code__.co_filename)))
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return cached code; None, and a lock on the function, if it has to be compiled."""
@@ -118,30 +120,33 @@ def _wait_for(lock: int) -> None:
 
 
 @cache
-def _digest(folder: Path) -> str:
-    """Return a digest of all modules below a folder whose constants compiled code may hold."""
-    sources = {path: path.read_bytes() for path in sorted(folder.rglob('*.py'))}
-    if folder == PACKAGE:
-        parts = _reached(sources)
-        sources = {path: text for path, text in sources.items() if _part(path) in parts}
-    return hashlib.sha256(b''.join(sources.values())).hexdigest()
+def _digest(file: Path) -> str:
+    """
+    Return a digest of all modules whose constants the compiled code of one may hold.
+
+    These are the modules of the package that it imports, and that they import; of a module that is
+    not of the package those of its folder too.
+    """
+    inside = file.is_relative_to(PACKAGE)
+    found: set[Path] = set()
+    left = {file} if inside else set(file.parent.rglob('*.py'))
+    while left:
+        found |= left
+        left = set().union(*map(_imported, left)) - found
+    return hashlib.sha256(b''.join(path.read_bytes() for path in sorted(found))).hexdigest()
 
 
-def _reached(sources: dict[Path, bytes]) -> set[str]:
-    """Return the parts of the package that compile functions, and those that they name."""
-    names: dict[str, set[str]] = {}
-    for path, source in sources.items():
-        found = re.findall(rb'lip_id_ros\.(\w+)', source)
-        names.setdefault(_part(path), set()).update(name.decode() for name in found)
-    parts = {part for part, named in names.items() if 'numba_jit' in named}
-    while more := set().union(*(names.get(part, ()) for part in parts)) - parts:
-        parts |= more
-    return parts
-
-
-def _part(path: Path) -> str:
-    """Return the name of the folder or module of the package that a file belongs to."""
-    return Path(path.relative_to(PACKAGE).parts[0]).stem
+@cache
+def _imported(file: Path) -> frozenset[Path]:
+    """Return the modules of the package that a module names in its imports."""
+    found = set()
+    for module, names in IMPORT.findall(file.read_bytes()):
+        folder = PACKAGE.joinpath(*module.decode().split('.')[1:])
+        parts = (folder, *(folder / name for name in re.findall(r'\w+', names.decode())))
+        found |= {
+            place for part in parts for place in (part.with_suffix('.py'), part / '__init__.py')
+        }
+    return frozenset(place for place in found if place.is_file())
 
 
 def _cached(function: Function, dispatcher: Any) -> Function:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import fcntl
 import os
 from pathlib import Path
+import shutil
 import subprocess
 import sys
+from types import MappingProxyType
 
 import pytest
 
@@ -47,12 +50,12 @@ def environment() -> dict[str, str]:
     return kept | {'PYTHONPATH': str(ROOT), 'PYTHONDONTWRITEBYTECODE': '1'}
 
 
-def run(folder: Path) -> tuple[float, int]:
+def run(folder: Path, more: Mapping[str, str] = MappingProxyType({})) -> tuple[float, int]:
     """Return what the outer function computes in a new process, and how often from disk."""
     ran = subprocess.run(
         [sys.executable, 'outer.py'],
         cwd=folder,
-        env=environment(),
+        env={**environment(), **more},
         capture_output=True,
         text=True,
         check=True,
@@ -96,6 +99,49 @@ def test_code_for_types_that_are_gone_is_discarded(folder: Path) -> None:
     (folder / 'gone.py').unlink()
     (folder / 'pair.py').write_text(typed)
     assert run(folder) == (3.0, 0)
+
+
+COMPILED = """
+from lip_id_ros.room import (
+    constants,
+)
+from lip_id_ros.numba_jit import jit
+
+FACTOR = constants.FACTOR
+
+@jit
+def outer(x: float) -> float:
+    return FACTOR * x
+"""
+
+MAIN = """
+from lip_id_ros.compiled import outer
+print(outer(1.0), sum(outer.stats.cache_hits.values()))
+"""
+
+
+def test_only_a_change_in_what_a_module_imports_is_seen(tmp_path: Path) -> None:
+    package = tmp_path / 'lip_id_ros'
+    (package / 'room').mkdir(parents=True)
+    shutil.copy(ROOT / 'lip_id_ros' / 'numba_jit.py', package)
+    for name in ('__init__', 'room/__init__', 'other'):
+        (package / f'{name}.py').touch()
+    (package / 'room' / 'numbers.py').write_text('FACTOR = 2.0\n')
+    (package / 'room' / 'constants.py').write_text(
+        'def _late() -> None:\n    import lip_id_ros.other\n\n'
+        'from lip_id_ros.room.numbers import FACTOR\n'
+    )
+    (package / 'compiled.py').write_text(COMPILED)
+    (tmp_path / 'outer.py').write_text(MAIN)
+    (package / 'stranger.py').write_text('FACTOR = 1.0\n')
+    path = {'PYTHONPATH': str(tmp_path)}
+    assert run(tmp_path, path) == (2.0, 0)
+    (package / 'stranger.py').write_text('FACTOR = 5.0\n')
+    assert run(tmp_path, path) == (2.0, 1)
+    (package / 'room' / 'numbers.py').write_text('FACTOR = 3.0\n')
+    assert run(tmp_path, path) == (3.0, 0)
+    (package / 'other.py').write_text('FACTOR = 3.0\n')
+    assert run(tmp_path, path) == (3.0, 0)
 
 
 DERIVATIVES = """
