@@ -20,6 +20,11 @@ SHORT, ENOUGH_S = 'short', 60.0
 MOST_EPISODES = 6
 """Times in one sentence, at most."""
 
+LEAST_COVERED = 70.0
+"""
+Share of the measured torques within two standard deviations below which a caution says so [%].
+"""
+
 MOSTLY_NEW, LITTLE_S = 0.5, 20.0
 """A motion repeats itself below this share of new motion, and shows little below that time [s]."""
 
@@ -71,7 +76,22 @@ def data_remarks(provenance: Mapping[str, Any]) -> list[str]:
 
 def evaluation_cautions(evaluation: Evaluation) -> list[str]:
     """Return what makes the errors of an evaluation no success, or too small."""
-    return [*_useless(evaluation), *evaluation.cautions]
+    return [*_useless(evaluation), *_overconfident(evaluation), *evaluation.cautions]
+
+
+def _overconfident(evaluation: Evaluation) -> list[str]:
+    """Return a sentence on joints whose standard deviations are far too small, if any."""
+    if evaluation.within_two_std_percent is None:
+        return []
+    covered = zip(evaluation.joint_names, evaluation.within_two_std_percent, strict=True)
+    few = [f'{name} ({share:.3g} %)' for name, share in covered if share < LEAST_COVERED]
+    if not few:
+        return []
+    return [
+        f'Standard deviations are too small for this motion at {listed(few)}: these shares of the '
+        'measured torques lie within two of them, where 95 % are expected. Do not use them as '
+        'bounds of the error.'
+    ]
 
 
 def _useless(evaluation: Evaluation) -> list[str]:

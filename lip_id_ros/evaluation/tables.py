@@ -70,9 +70,10 @@ def error_table(evaluation: Evaluation, title: str = 'Errors') -> Table:
     header = ['', 'nMSE [%]', 'RMSE', 'std of torque']
     if evaluation.rest is not None:
         header[3:3] = ['in motion', 'near rest']
+        units = [TORQUE_UNITS[kind] for kind in evaluation.joint_types]
         parts = evaluation.rest.in_motion, evaluation.rest.near_rest
-        for row, *values in zip(rows, *parts, strict=True):
-            row[3:3] = ['-' if math.isnan(each) else f'{each:.3g}' for each in values]
+        for row, unit, *values in zip(rows, units, *parts, strict=True):
+            row[3:3] = ['-' if math.isnan(each) else f'{each:.3g} {unit}' for each in values]
     if evaluation.within_two_std_percent is not None:
         header.append('within 2 std [%]')
         for row, covered in zip(rows, evaluation.within_two_std_percent, strict=True):

@@ -58,6 +58,17 @@ def test_joints_hardly_predicted_are_named() -> None:
     )
 
 
+def test_standard_deviations_that_are_far_too_small_are_named() -> None:
+    found = replace(judged_with(1.0, 3.0, 2.0), within_two_std_percent=(31.25, 70.0, 69.9))
+    sentence, *rest = evaluation_cautions(found)
+    assert sentence == (
+        'Standard deviations are too small for this motion at shoulder (31.2 %), wrist (69.9 %): '
+        'these shares of the measured torques lie within two of them, where 95 % are expected. '
+        'Do not use them as bounds of the error.'
+    )
+    assert rest == list(found.cautions)
+
+
 def test_a_model_that_explains_something_is_not_warned_of() -> None:
     found = judged_with(79.0, 0.1, math.nan)
     assert evaluation_cautions(found) == list(found.cautions)

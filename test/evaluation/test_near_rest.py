@@ -60,5 +60,5 @@ def test_an_evaluation_has_both_in_its_figures_and_its_table() -> None:
     assert min(figures['near_rest_percent']) >= 50.0
     table = error_table(evaluation)
     assert table.header[3:5] == ['in motion', 'near rest']
-    assert table.rows[0][4] == f'{evaluation.rest.near_rest[0]:.3g}'
+    assert table.rows[0][4] == f'{evaluation.rest.near_rest[0]:.3g} N m'
     assert any(text.startswith('In motion, near rest') for text in notes(evaluation))
