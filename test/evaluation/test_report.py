@@ -120,7 +120,8 @@ def test_true_potential_energy_is_moved_onto_the_estimate() -> None:
     curves = {line.get_label(): line for line in panel.get_lines()}
 
     np.testing.assert_allclose(
-        np.asarray(curves['true'].get_ydata()), np.asarray(curves['predicted'].get_ydata())
+        np.asarray(curves['true'].get_ydata()),
+        np.asarray(curves['predicted, potential'].get_ydata()),
     )
 
 

@@ -157,12 +157,12 @@ def energies(outcome: Outcome, evaluation: Evaluation, band: Band | None) -> Fig
     for panel, (name, values, truth, color) in zip(panels, known, strict=True):
         if truth is not None:
             style.over_time(panel, data, truth, style.MEASURED, 'true', 3.0)
-        style.over_time(panel, data, values, color, 'predicted')
+        style.over_time(panel, data, values, color, f'predicted, {name}')
         _shade(panel, data, band, values, getattr(band, name, None), color)
         panel.set_title(f'{name} energy', loc='left')
         panel.set_ylabel('energy [J]')
         style.remark(panel, getattr(evaluation, f'{name}_nmse_percent'))
-    style.finish(figure, panels[0])
+    style.finish(figure, panels)
     return figure
 
 
@@ -178,6 +178,8 @@ def errors(evaluation: Evaluation) -> Figure:
     panel.set_xscale('log')
     panel.set_xlim(min(1e-2, shown.min()) / 3, max(MEAN_PERCENT, shown.max()) * 4)
     panel.axvline(MEAN_PERCENT, color=style.MEASURED, linestyle='--', zorder=0)
+    above = panel.get_xaxis_transform()
+    panel.text(MEAN_PERCENT, 1.01, 'as the mean', ha='center', fontsize=10, transform=above)
     panel.invert_yaxis()
     panel.grid(visible=False, axis='y')
     panel.set_xlabel('normalised mean squared error [%]')

@@ -8,6 +8,7 @@ import math
 from typing import Any
 
 import matplotlib
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -94,7 +95,7 @@ def joint_grid(
         draw(panels[joint], joint)
     for panel in panels[-n_columns:]:
         panel.tick_params(labelbottom=True)
-    finish(figure, panels[0], below)
+    finish(figure, panels[:1], below)
     return figure
 
 
@@ -119,12 +120,15 @@ def new_figure(height: float) -> Figure:
     return Figure(figsize=(WIDTH, height), layout=layout)
 
 
-def finish(figure: Figure, panel: Axes, below: str = TIME) -> None:
-    """Put the legend of one panel above all of them, and the horizontal quantity below."""
+def finish(figure: Figure, panels: Sequence[Axes], below: str = TIME) -> None:
+    """Put the legend of some panels above all of them, and the horizontal quantity below."""
     figure.supxlabel(below, fontsize=SETTINGS['font.size'], color=SETTINGS['axes.labelcolor'])
     figure.align_ylabels()
-    handles, labels = panel.get_legend_handles_labels()
-    figure.legend(handles, labels, loc='upper center', ncol=len(labels))
+    shown = dict[str, Artist]()
+    for panel in panels:
+        handles, labels = panel.get_legend_handles_labels()
+        shown.update(zip(labels, handles, strict=True))
+    figure.legend(shown.values(), shown.keys(), loc='upper center', ncol=len(shown))
 
 
 def remark(panel: Axes, nmse_percent: float | None) -> None:
