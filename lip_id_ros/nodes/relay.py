@@ -131,8 +131,10 @@ class Relay:
             self._action.cancel(self.handle.goal_id)
 
     def release(self) -> None:
-        """End the goal here, and have the controller cancel it."""
-        self.cancel()
+        """End the goal here, and have the controller cancel it, if it has not answered too."""
+        self._state.cancel(self._action.time.now)
+        # its answer may come when this node is no more; it looks at goals before cancels
+        self._action.cancel(self.handle.goal_id)
         self._end(goals.released())
 
     def watch(self, servers: frozenset[bytes]) -> None:

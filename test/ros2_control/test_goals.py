@@ -230,6 +230,30 @@ def test_goals_end_with_the_node_that_was_asked(control: Control, sender: Sender
     assert sender.run(goal())[0] == 'succeeded'
 
 
+def test_a_goal_that_the_controller_has_not_answered_ends_with_the_node(
+    control: Control, sender: Sender
+) -> None:
+    """The answer to it comes when nobody is there any more who could cancel it."""
+    control.use('arm')
+    assert sender.run(goal((0.1, 0.1)))[0] == 'succeeded'
+    states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+    control.process.hold()
+    try:
+        handle = sender.send(goal((1.0, 1.0), seconds=600.0))
+        assert control.client.transition(Transition.TRANSITION_DEACTIVATE)
+        assert control.client.transition(Transition.TRANSITION_CLEANUP)
+        assert 'has asked the controller to cancel' in sender.result(handle)[1].error_string
+    finally:
+        control.process.send(signal.SIGCONT)
+    begun = time.monotonic()
+    control.client.wait_until(lambda: time.monotonic() - begun > 2.0, 'two seconds')
+    hear_until_now(control, states)
+    assert not any(states[-1].reference.velocities)
+    assert control.client.transition(Transition.TRANSITION_CONFIGURE)
+    assert control.client.transition(Transition.TRANSITION_ACTIVATE)
+    assert sender.run(goal())[0] == 'succeeded'
+
+
 def within(state: Any, limits: ArrayLike) -> bool:
     """Whether what the controller outputs, if it does, is within limits."""
     torque = np.abs(state.output.effort)
