@@ -90,7 +90,12 @@ def outlier_weights(residuals: Array, std: Array) -> Array:
 
 
 def sticking_noise(
-    noise: TorqueNoise, friction: FrictionModel, q: Array, ddq: Array, load: Array
+    noise: TorqueNoise,
+    friction: FrictionModel,
+    q: Array,
+    ddq: Array,
+    load: Array,
+    remembered: Array | float = 0.0,
 ) -> TorqueNoise:
     """
     Return noise that covers a joint that sticks, whether or not one did in the recording.
@@ -100,7 +105,7 @@ def sticking_noise(
     friction counts as Coulomb friction here: both hold a joint that sticks. Beyond the width of
     that sign, at a usual acceleration, a joint moves, however wide the velocities are at which the
     recording has more noise; and beyond these velocities the recording shows that friction is
-    known.
+    known. The part that is `remembered`, shape (n,), has a deviation of its own (`DahlFriction`).
     """
     width, narrowest = np.ones(friction.n_joints), np.ones(friction.n_joints)
     smoothing = friction.basis.rise_time * np.sqrt(np.mean(ddq**2, axis=0))
@@ -114,6 +119,7 @@ def sticking_noise(
     steady = np.zeros_like(q)
     torques = [friction.torque(q, dq, steady, load) for dq in (moving, -moving)]
     coulomb = 0.5 * np.mean(np.maximum(torques[0] - torques[1], 0.0), axis=0)
+    coulomb = np.maximum(coulomb - remembered, 0.0)
     known = np.square(noise.std * noise.ratio)
     stuck = np.sqrt(np.maximum(coulomb**2 / 3.0 - known, 0.0))
     seen = np.where(noise.ratio > 0.0, noise.velocity, np.inf)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -48,6 +49,9 @@ RATIOS = tuple(
 
 EVALUATIONS, MINIMA = 20, 2
 """Of the descent of a trial from each of so many minima."""
+
+FINALISTS, LAST_EVALUATIONS = 3, 60
+"""Ratios that descend farther, and how far: short descents may order them wrongly."""
 
 HINT, PROBE = 0.1, 0.3
 """
@@ -108,23 +112,22 @@ def promising(search: ArmSearch, found: Calibration) -> Coupling | None:
     coarse, few = coarse_noise(samples), few_of(samples, FEW_SAMPLES)
     with threadpool_limits(1), ThreadPoolExecutor(SEARCHES) as pool:
 
-        def cost(*more: Coupling) -> float:
+        def cost(*more: Coupling, evaluations: int = EVALUATIONS) -> float:
             couplings = np.concatenate([few.couplings, rows_of(more)])
-            return _lowest_cost(replace(few, couplings=couplings), coarse, found)
-
-        def costs(couplings: list[Coupling]) -> list[float]:
-            return list(pool.map(cost, couplings))
+            return _lowest_cost(replace(few, couplings=couplings), coarse, found, evaluations)
 
         offers = [c for c in _neighbours(search) if not _contradicts(search, c)]
         if not offers:
             return None
-        serial, first = cost(), costs(offers)
+        serial, first = cost(), list(pool.map(cost, offers))
         if np.log(serial / min(first)) < HINT:
             return None
         best = offers[int(np.argmin(first))]
         ratios = [best._replace(ratio=ratio) for ratio in RATIOS]
-        lowest = costs(ratios)
-    return ratios[int(np.argmin(lowest))] if np.log(serial / min(lowest)) > PROBE else None
+        order = np.argsort([*pool.map(cost, ratios)], kind='stable')[:FINALISTS]
+        last = [ratios[k] for k in order]
+        lowest = [*pool.map(partial(cost, evaluations=LAST_EVALUATIONS), last)]
+    return last[int(np.argmin(lowest))] if np.log(serial / min(lowest)) > PROBE else None
 
 
 def _neighbours(search: ArmSearch) -> Iterator[Coupling]:
@@ -139,11 +142,13 @@ def _contradicts(search: ArmSearch, coupling: Coupling) -> bool:
     return bool(contradiction(couplings, search.fitter.dataset.n_joints))
 
 
-def _lowest_cost(samples: Samples, noise_std: Array, found: Calibration) -> float:
+def _lowest_cost(
+    samples: Samples, noise_std: Array, found: Calibration, evaluations: int
+) -> float:
     """Return the lowest cost of short descents from the minima."""
     problem = PlacementProblem(samples, noise_std)
     chains = [each.chain for each in found.candidates[:MINIMA]]
-    descents = [problem.descend(c.rotations, c.translations, EVALUATIONS) for c in chains]
+    descents = [problem.descend(c.rotations, c.translations, evaluations) for c in chains]
     return min(each.cost for each in descents)
 
 

@@ -127,12 +127,14 @@ def prediction_noise(
     """
     signs = squares_of_signs(fitter.dataset, fit)
     noise = _of_single_states(fitter.dataset, fit, noise)
+    remembered = fit.friction.remembered
     if residual_gp is not None:
+        remembered = np.where(residual_gp.replaces, 0.0, remembered)
         own = np.sqrt(residual_gp.left_out_std**2 + np.where(residual_gp.replaces, 0.0, signs))
         noise = replace(noise, std=np.where(residual_gp.joints, own, noise.std))
     some = fitter.some(MOST_SAMPLES)
     load = links_torque(fit.chain, fit.links, some)
-    return sticking_noise(noise, fit.friction, some.q, some.ddq, load)
+    return sticking_noise(noise, fit.friction, some.q, some.ddq, load, remembered)
 
 
 def squares_of_signs(dataset: Dataset, fit: ArmFit) -> Array:

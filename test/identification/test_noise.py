@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lip_id_ros.friction.dahl import Dahl
+from lip_id_ros.friction.dahl_friction import DahlFriction
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.noise import (
@@ -15,6 +17,7 @@ from lip_id_ros.friction.noise import (
     TorqueNoise,
 )
 from lip_id_ros.friction.terms import Coulomb, LoadCoulomb, SaturatingViscous
+from lip_id_ros.joint_history import DISPLACEMENTS
 
 TRUTH = TorqueNoise(np.array([0.5, 2.0]), np.array([0.0, 8.0]), np.array([1.0, 0.1]))
 
@@ -99,6 +102,26 @@ def test_joints_that_never_move_have_constant_noise() -> None:
     residuals = np.random.default_rng(0).standard_normal((50, 1))
     got = estimate_noise(residuals, np.zeros((50, 1)))
     assert np.isfinite(got.std_at(np.zeros((1, 1)))).all()
+
+
+def test_what_a_joint_remembers_of_its_friction_is_no_noise() -> None:
+    drives = [Drive.of_joint(0), Drive.of_joint(1)]
+    terms = tuple(
+        DriveTerm(drive, term) for drive in drives for term in (Coulomb(0.01), Dahl(0.01, 0.01))
+    )
+    friction = FrictionModel(FrictionBasis(2, terms), np.array([3.0, 2.0, 3.0, 4.0]))
+    np.testing.assert_array_equal(friction.remembered, [2.0, 4.0])
+    zero, noise = np.zeros((1, 2)), TorqueNoise.constant(np.full(2, 0.1))
+    got = sticking_noise(noise, friction, zero, zero, zero, friction.remembered)
+    whole = sticking_noise(noise, friction, zero, zero, zero)
+    # the Coulomb torque of its smooth sign, without what is remembered
+    coulomb = np.sqrt(3.0) * whole.stuck
+    np.testing.assert_allclose(got.stuck, [(coulomb[0] - 2.0) / np.sqrt(3.0), 0.0], rtol=1e-2)
+    np.testing.assert_allclose(coulomb, 3.0, rtol=0.1)
+    # nothing is known of single states
+    past = DahlFriction.of(friction, np.zeros(2, dtype=bool))
+    unknown = past.unknown_std(zero, zero, np.ones((1, 2, len(DISPLACEMENTS))))
+    np.testing.assert_allclose(unknown[0], friction.remembered)
 
 
 def test_sample_selection_count_for_less_the_farther_out() -> None:
