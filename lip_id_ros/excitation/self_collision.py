@@ -209,6 +209,8 @@ def _geometry(pin: Any, urdf: tuple[str, str], names: Sequence[str]) -> tuple[An
             'geometry of two of them; set it to none.'
         )
     locked = [k for k in range(1, whole.njoints) if whole.names[k] not in names]
+    if not locked:  # pinocchio refuses to reduce a model that has a link named as a joint
+        return whole, meshes
     model, (geometry,) = pin.buildReducedModel(whole, [meshes], locked, pin.neutral(whole))
     return model, geometry
 

@@ -11,7 +11,7 @@ import time
 from typing import Any
 
 from action_msgs.msg import GoalStatus
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 from rclpy.action import ActionClient
 from rclpy.task import Future
@@ -37,7 +37,7 @@ from lip_id_ros.signals.torque_steps import limits_in_numbers
 TICK_S = 0.02
 
 LONGEST_ANSWER_S = 5.0
-"""The controller and `train` answer sooner."""
+"""The controller and `train` answer sooner, and `train` has diagnostics more often."""
 
 LEAST_SETTLED_S = 0.5
 """Recorded after each motion, so that `train` has its end."""
@@ -80,6 +80,8 @@ class ExciteNode(NodeBase):
         self._job: Mapping[str, Any] = {}
         self._heard_of_job: Future | None = None
         self._limit = np.inf, ''
+        self._trainer = self.resolve_service_name(settings.trainer)
+        self._trainer_heard_at = np.inf  # no silence matters yet
         self._settled_at: float | None = None
         self._jobs = Jobs()
         self._description = Description(self) if settings.use_robot_description else None
@@ -90,6 +92,9 @@ class ExciteNode(NodeBase):
         self._fit = self.create_client(Trigger, f'{settings.trainer}/fit')
         self.create_subscription(
             DiagnosticStatus, f'{settings.trainer}/status', self._on_trainer, qos.LATCHED
+        )
+        self.create_subscription(
+            DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.DIAGNOSTICS
         )
         self.create_subscription(
             JointState, 'joint_states', self._on_joint_state, qos.SENSOR_STREAM
@@ -192,11 +197,12 @@ class ExciteNode(NodeBase):
         if not self._controller.server_is_ready():
             raise HaltError(f'no controller offers {self._action}; activate it')
         await self._asked(self._record, SetBool.Request(data=True))
+        self._trainer_heard_at = time.monotonic()
         try:
             await self._executed(motion, watch)
             await self._settled()
         finally:
-            self._watch, self._goal = None, None
+            self._watch, self._goal, self._trainer_heard_at = None, None, np.inf
             self._record.call_async(SetBool.Request(data=False))
 
     async def _executed(self, motion: NextMotion, watch: MotionWatch) -> None:
@@ -229,9 +235,13 @@ class ExciteNode(NodeBase):
         self._enter(Stage.FIT, f'motion {self._round} of {self._settings.rounds}')
         before = self._job
         await self._asked(self._fit, Trigger.Request())
-        while not _has_ended(self._job, before):
-            self._heard_of_job = Future(executor=self.executor)
-            await self._until(self._heard_of_job)
+        self._trainer_heard_at = time.monotonic()
+        try:
+            while not _has_ended(self._job, before):
+                self._heard_of_job = Future(executor=self.executor)
+                await self._until(self._heard_of_job)
+        finally:
+            self._trainer_heard_at = np.inf
         if self._job['state'] != 'done':
             raise HaltError(f'the fit has ended without a model: {self._job.get("error", "")}')
         self._model_path = self._job['result']['path']
@@ -276,6 +286,8 @@ class ExciteNode(NodeBase):
         if self._settled_at is not None and now > self._settled_at:
             self._settled_at = None
             self._go_on()
+        if now - self._trainer_heard_at > LONGEST_ANSWER_S:
+            self._halt(f'{self._trainer} is silent for {LONGEST_ANSWER_S:g} s; start it again')
         if self._watch is None:
             return
         if now - self._heard_at > self._settings.stale_timeout_s:
@@ -302,6 +314,10 @@ class ExciteNode(NodeBase):
     def _on_contact(self, message: Bool) -> None:
         if message.data and self._watch is not None:
             self._halt('the monitor has found a contact')
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        if any(each.name == self._trainer.lstrip('/') for each in message.status):
+            self._trainer_heard_at = max(self._trainer_heard_at, time.monotonic())
 
     def _on_trainer(self, message: DiagnosticStatus) -> None:
         self._job = messages.status_values(message).get('job', {})

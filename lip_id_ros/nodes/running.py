@@ -29,6 +29,9 @@ Result = TypeVar('Result')
 BROKEN_SECONDS = 5.0
 """The executor itself is broken when it raises for so long without running a callback."""
 
+HEED_SECONDS = 0.5
+"""Signals are heeded at least so often."""
+
 START_ERRORS = (
     *(LipIdError, OSError, ParameterException),
     *(rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError),
@@ -115,7 +118,9 @@ def _spin(node: NodeBase, stopped: threading.Event) -> None:
             stopped.set()
 
     with _in_thread(executor, spin):
-        stopped.wait()
+        # a signal to a paused process may be taken by another thread, which does not wake this one
+        while not stopped.wait(HEED_SECONDS):
+            pass
     if failures:
         raise failures[0]
 

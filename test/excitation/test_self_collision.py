@@ -138,6 +138,15 @@ def test_a_posture_in_which_links_are_too_near_is_refused_by_their_names() -> No
         design_motion(settings(0.05, (0.0, 2.2, 2.2)), planar_arm())
 
 
+def test_a_fixed_joint_may_have_the_name_of_its_link() -> None:
+    """Between two that move, as in the URDF of a Unitree Z1."""
+    between = '<link name="between"/><joint name="between" type="fixed"><parent link="link_b"/>'
+    urdf = planar_arm().replace('<parent link="link_b"/>', '<parent link="between"/>')
+    urdf = urdf.replace('</robot>', f'{between}<child link="between"/></joint></robot>')
+    links = SelfCollision((urdf, 'planar'), limits(), np.eye(3), 0.05)
+    np.testing.assert_allclose(links.distances(np.ones(3)), checked().distances(np.ones(3)))
+
+
 @pytest.mark.parametrize(('radius', 'count'), [(0.45, 0), (0.39, 1)])
 def test_links_that_are_built_to_touch_are_left_out(radius: float, count: int) -> None:
     """Spheres around the joints: those of the first and the last are 0.8 m apart at most."""

@@ -36,7 +36,12 @@ def started(ros: Ros, folder: Path, arm: tuple[str, ...] = (), **parameters: Any
     """Start the arm, `train` and `excite`; return the arm."""
     graph, client = ros
     moved = graph.start_program('moved_arm', ['-c', PROGRAM, '--ros-args', *arm])
-    graph.start('train', recording__joints=list(JOINTS), model_path=str(folder / 'model.npz'))
+    graph.start(
+        'train',
+        recording__joints=list(JOINTS),
+        model_path=str(folder / 'model.npz'),
+        unsaved_path=str(folder / 'kept'),
+    )
     settings = folder / 'excite.yaml'
     settings.write_text(SETTINGS)
     own = {
@@ -177,6 +182,48 @@ def test_a_killed_node_leaves_the_arm_to_its_controller_and_the_data_to_train(
     client.wait_until(lambda: np.abs(position(client)).max() > 0.01, 'a motion')
     assert excite.end(signal.SIGTERM) == 0
     await_hold(client)
+
+
+@pytest.mark.parametrize('number', [signal.SIGSTOP, signal.SIGKILL, signal.SIGTERM])
+def test_a_train_that_falls_silent_stops_the_motion(
+    ros: Ros, tmp_path: Path, number: signal.Signals
+) -> None:
+    graph, client = ros
+    started(ros, tmp_path)
+    train = graph.processes[1]
+    begin(client)
+    client.status('excite', lambda status: status['stage'] == 'moving')
+    client.wait_until(lambda: np.abs(position(client)).max() > 0.01, 'a motion')
+    train.send(number)
+    ended = client.status('excite', lambda status: status['stage'] == 'stopped')
+    assert '/train is silent for 5 s' in ended['summary']
+    await_hold(client)
+    if number != signal.SIGKILL:
+        train.end()
+        assert list(tmp_path.glob('kept*'))
+
+
+def test_a_train_that_falls_silent_while_it_fits_is_not_awaited(ros: Ros, tmp_path: Path) -> None:
+    graph, client = ros
+    started(ros, tmp_path)
+    begin(client)
+    client.status('train', lambda status: status['job']['stage'])  # the request is answered
+    graph.processes[1].hold()
+    ended = client.status('excite', lambda status: status['stage'] == 'stopped')
+    assert '/train is silent for 5 s' in ended['summary']
+
+
+def test_a_killed_arm_ends_in_a_sentence(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    arm = started(ros, tmp_path, stale_timeout_s=0.5)
+    begin(client)
+    client.status('excite', lambda status: status['stage'] == 'moving')
+    client.wait_until(lambda: np.abs(position(client)).max() > 0.01, 'a motion')
+    arm.send(signal.SIGKILL)
+    ended = client.status('excite', lambda status: status['stage'] == 'stopped')
+    assert 'no joint state for' in ended['summary'] or 'has ended' in ended['summary']
+    kept = client.status('train', lambda status: not status['recording'])
+    assert kept['rows'] > 0
 
 
 def test_what_is_missing_is_named(ros: Ros, tmp_path: Path) -> None:
