@@ -81,6 +81,7 @@ class LoadedModel:
     """
     A model, ready to be served.
 
+    `model` has friction as drives have it; `rise_time` is that of the model that was fitted [s].
     `calibration`: of the effort that it was fitted to. `known_states`: that it was fitted to.
     `deviations`: where they are asked for. `memory`: of friction. `adapted`: what updates make of
     the model, where they are followed.
@@ -93,6 +94,7 @@ class LoadedModel:
     deviations: Deviations | None = None
     memory: RunningMemory | None = None
     adapted: AdaptedModel | None = None
+    rise_time: float = 0.0
 
     @property
     def newest(self) -> DynamicsModel:
@@ -136,16 +138,18 @@ def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
     """
     file = ModelFile(settings.model_path)
     try:
-        model = file.load()
-        require_joints(model.joint_names, joints, settings.model_path)
+        fitted = file.load()
+        require_joints(fitted.joint_names, joints, settings.model_path)
         if not settings.accept_unproven:
-            require_proof(model, settings.model_path)
+            require_proof(fitted, settings.model_path)
+        model = fitted.with_rise_time(0.0)
         rest = np.zeros((1, model.n_joints))
         model.query(rest[0], rest[0], rest[0])
         model.predict(rest, rest, rest)
         adapted = None
         if settings.follow_adaptation:
-            adapted = AdaptedModel(model, follow_rules(settings, model.joint_names))
+            rules = follow_rules(settings, model.joint_names)
+            adapted = AdaptedModel(model, rules, fitted.fingerprint)
         deviations = None
         if settings.needs_deviations:
             deviations = Deviations(file.place, model.n_joints, [file.descriptor])
@@ -153,8 +157,16 @@ def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
         file.close()
         raise
     memory = model.running_memory()
-    known = model.known_states
-    return LoadedModel(model, model.effort_calibration, known, file, deviations, memory, adapted)
+    return LoadedModel(
+        model,
+        model.effort_calibration,
+        model.known_states,
+        file,
+        deviations,
+        memory,
+        adapted,
+        fitted.rise_time,
+    )
 
 
 def require_proof(model: InverseDynamicsModel, path: str) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.feedforward.loading import LoadedModel
-from lip_id_ros.model import Query
+from lip_id_ros.model import DynamicsModel, InverseDynamicsModel, Query
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.filters import LowPass
 from lip_id_ros.signals.joint_states import (
@@ -29,6 +29,7 @@ class MeasuredArm:
         self._reader = JointStateReader(loaded.joint_names, loaded.calibration)
         self._stamps = StampWatch(LONGEST_STEP_S)
         self._cutoff_hz, self._low_pass = cutoff_hz, LowPass(cutoff_hz)
+        self._newest = self._filtered = loaded.newest
 
     def adjust(self, cutoff_hz: float) -> None:
         """Use another cut-off [Hz]; the low-pass begins anew then."""
@@ -63,5 +64,14 @@ class MeasuredArm:
             return None
         (q, dq, tau), (_, ddq, _) = filtered
         with np.errstate(all='ignore'):
-            residual = tau - self._loaded.newest.query(q, dq, ddq).tau
+            residual = tau - self.model_of_filtered_torques().query(q, dq, ddq).tau
         return residual if np.isfinite(residual).all() else None
+
+    def model_of_filtered_torques(self) -> DynamicsModel:
+        """Return the model as it is now, with friction that is low-passed as in its fit."""
+        newest = self._loaded.newest
+        if newest is not self._newest:
+            self._newest = self._filtered = newest
+        if self._filtered is newest and isinstance(newest, InverseDynamicsModel):
+            self._filtered = newest.with_rise_time(self._loaded.rise_time)
+        return self._filtered

@@ -107,6 +107,7 @@ def check_plan(
             'check_plan takes an InverseDynamicsModel and a Plan, not '
             f'{shortened(model)} and {shortened(plan)}; read them from their files.'
         )
+    model = model.with_rise_time(0.0)  # as `serve` does
     largest = _limits(limits, model.joint_names)
     ordered = plan.in_order(model.joint_names)
 

@@ -214,6 +214,10 @@ class FrictionModel:
         kept = [isinstance(part.term, Dahl) for part in self.basis.terms]
         return self.with_terms(kept) if any(kept) else None
 
+    def with_rise_time(self, rise_time: float) -> FrictionModel:
+        """Return the same friction after another low-pass, 0 for none."""
+        return FrictionModel(replace(self.basis, rise_time=rise_time), self.coefficients)
+
     @property
     def remembered(self) -> Array:
         """Return the torques of every joint that depend on the history at most, shape (n,)."""

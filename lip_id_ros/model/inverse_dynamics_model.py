@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 import json
 import os
@@ -134,6 +134,22 @@ class InverseDynamicsModel:
     def effort_calibration(self) -> EffortCalibration:
         """Calibration of the first recording."""
         return self.effort_calibrations[0]
+
+    @property
+    def rise_time(self) -> float:
+        """Time over which friction turns, as after the low-pass of the fitted efforts [s]."""
+        return 0.0 if self.arm is None else self.arm.friction.basis.rise_time
+
+    def with_rise_time(self, rise_time: float) -> InverseDynamicsModel:
+        """
+        Return the model with friction that turns over another time [s].
+
+        That of drives turns at once: feedforward with a rise time of zero tracks better.
+        """
+        if rise_time == self.rise_time:
+            return self
+        arm = self._known_arm
+        return replace(self, arm=replace(arm, friction=arm.friction.with_rise_time(rise_time)))
 
     def query(self, q: Array, dq: Array, ddq: Array) -> Query:
         """

@@ -6,12 +6,14 @@ from dataclasses import replace
 import os
 from pathlib import Path
 
+from adaptation.arms import known_model
 from feedforward.arms import arm, Sum
 from gp.processes import process_of
 from model.models import random_model
 import numpy as np
 import pytest
 
+from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.errors import ConfigError, ModelError
 from lip_id_ros.feedforward.loading import (
     load_model,
@@ -20,6 +22,7 @@ from lip_id_ros.feedforward.loading import (
     require_rules,
     stop,
 )
+from lip_id_ros.feedforward.measured import MeasuredArm
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.feedforward.shaping import TrainingRange
 from lip_id_ros.model import InverseDynamicsModel
@@ -48,6 +51,42 @@ def test_a_loaded_model_answers_as_its_file(settings: ServeSettings) -> None:
     x = process_of(MODEL).states
     inside = np.stack([x.q[0], x.dq[0], x.ddq[0]])
     assert TrainingRange(*loaded.model.training_range).excess(inside) <= 1.0 + 1e-12
+
+
+def test_friction_is_served_as_drives_have_it(tmp_path: Path) -> None:
+    """A recording's low-pass softens friction at reversals; the torques of drives have none."""
+    fitted = replace(known_model().with_rise_time(0.05), summary=JUDGED)
+    path = str(tmp_path / 'arm.npz')
+    fitted.save(path)
+    settings = ServeSettings(model_path=path, follow_adaptation=True)
+    state = np.array([[0.3, -0.4, 0.5], [0.05, -0.05, 0.05], [2.0, 2.0, -2.0]])
+    steady, softened = known_model().query(*state).tau, fitted.query(*state).tau
+    assert np.abs(steady - softened).min() > 0.01
+    for followed in (settings, replace(settings, follow_adaptation=False)):
+        loaded = load_model(followed, ())
+        try:
+            np.testing.assert_allclose(loaded.query(state, 0.0).tau, steady, rtol=1e-9)
+            planned = loaded.newest.predict(*state[:, np.newaxis]).tau[0]
+            np.testing.assert_allclose(planned, steady, rtol=1e-9)
+            measured = MeasuredArm(loaded, 20.0)
+            recorded = measured.model_of_filtered_torques().query(*state).tau
+            np.testing.assert_allclose(recorded, softened, rtol=1e-9)
+        finally:
+            loaded.stop()
+
+
+def test_updates_are_about_the_fitted_model(tmp_path: Path) -> None:
+    fitted = replace(known_model().with_rise_time(0.05), summary=JUDGED)
+    path = str(tmp_path / 'arm.npz')
+    fitted.save(path)
+    loaded = load_model(ServeSettings(model_path=path, follow_adaptation=True), ())
+    assert fitted.arm is not None
+    assert loaded.adapted is not None
+    numbers = [fitted.arm.links.ravel(), 1.01 * fitted.arm.friction.coefficients]
+    update = Update(fitted.fingerprint, 1, np.concatenate(numbers), True, (0.5, 1.0))
+    loaded.adapted.take(update.to_text(), 0.0)
+    assert loaded.adapted.values()['followed'] == 1
+    loaded.stop()
 
 
 def test_a_model_of_other_joints_is_refused(settings: ServeSettings) -> None:

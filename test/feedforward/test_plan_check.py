@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from adaptation.arms import known_model
 from hypothesis import given
 from hypothesis import strategies as st
 from nodes import toy
@@ -186,3 +187,15 @@ def test_joints_may_come_in_another_order(model: InverseDynamicsModel) -> None:
 def test_limits_are_one_per_joint(model: InverseDynamicsModel, limits: list[float]) -> None:
     with pytest.raises(ConfigError, match='limits'):
         check_plan(model, plan(), limits)
+
+
+def test_friction_is_that_of_drives() -> None:
+    """A recording's low-pass softens friction at reversals, and no drive does."""
+    model = known_model()
+    way = np.stack([np.zeros(3), np.full(3, 0.6)])
+    made = Plan(model.joint_names, np.array([0.0, 0.8]), np.stack([way, 0 * way, 0 * way]))
+    recorded = model.with_rise_time(0.2)
+    assert check_plan(recorded, made, [1e3]).loads == check_plan(model, made, [1e3]).loads
+    t, (q, dq, ddq) = made.motion(STEP_S)
+    difference = model.predict(q, dq, ddq, t).tau - recorded.predict(q, dq, ddq, t).tau
+    assert np.abs(difference).max() > 0.1
