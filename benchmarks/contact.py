@@ -144,7 +144,9 @@ def watch(model: InverseDynamicsModel, run: Tracking) -> tuple[Array, list[Exter
     """Return times and the estimated external torques."""
     rows = slice(None, None, EVERY)
     t = run.t[rows]
-    return t, external_torques(model, t, run.q[rows], run.dq[rows], run.tau[rows])
+    return t, external_torques(
+        model.with_rise_time(0.0), t, run.q[rows], run.dq[rows], run.tau[rows]
+    )
 
 
 def judged(

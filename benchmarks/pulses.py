@@ -101,7 +101,7 @@ def _extra(path: Path) -> Path:
 
 
 def _watched(model: InverseDynamicsModel, log: Log) -> list[ExternalTorque]:
-    return external_torques(model, log.t, log.q, log.dq, log.tau)
+    return external_torques(model.with_rise_time(0.0), log.t, log.q, log.dq, log.tau)
 
 
 def pulses(external: Array) -> list[Pulse]:

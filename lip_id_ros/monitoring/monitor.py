@@ -161,14 +161,16 @@ class Monitor:
 
     def __init__(self, settings: MonitorSettings) -> None:
         require_unique('joints', settings.joints)
-        model = InverseDynamicsModel.load(settings.model_path)
-        require_joints(model.joint_names, settings.joints, settings.model_path)
+        fitted = InverseDynamicsModel.load(settings.model_path)
+        require_joints(fitted.joint_names, settings.joints, settings.model_path)
+        model = fitted.with_rise_time(0.0)  # torques come as drives have them
         self.joint_names = model.joint_names
         self._settings = settings
         self._trained = model.training_range
         self._adapted: AdaptedModel | None = None
         if settings.follow_adaptation:
-            self._adapted = AdaptedModel(model, follow_rules(settings, model.joint_names))
+            rules = follow_rules(settings, model.joint_names)
+            self._adapted = AdaptedModel(model, rules, fitted.fingerprint)
         self._predictor: Predictor = self._adapted or model
         self._predictor.predict(*np.zeros((3, 1, model.n_joints)))  # compiled now
         self._reader = JointStateReader(model.joint_names, model.effort_calibration)

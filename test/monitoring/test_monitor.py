@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from adaptation.arms import known_model, stream
 from nodes import toy
 import numpy as np
 import pytest
@@ -349,3 +350,20 @@ def test_updates_are_followed_where_that_is_asked_for_and_the_model_comes_back(p
     sentence = 'serves the commissioned model: no update for 5 s'
     assert follows.judge(6.0) == (Level.WARN, sentence)
     assert follows.values()['adaptation']['model'] == 'commissioned'
+
+
+def test_friction_is_that_of_drives(tmp_path: Path) -> None:
+    """Torques come without the low-pass of the recording, which softens friction at reversals."""
+    found = []
+    for rise_time in (0.0, 0.5):
+        fitted, file = known_model().with_rise_time(rise_time), str(tmp_path / f'{rise_time}.npz')
+        fitted.save(file)
+        watching = Monitor(MonitorSettings(model_path=file))
+        data = stream(known_model(), 3.0, seed=0)
+        for t, q, dq, tau in zip(data.t, data.q, data.dq, data.tau, strict=True):
+            stamp = START_NS + round(1e9 * t)
+            signals = (q.tolist(), dq.tolist(), tau.tolist())
+            watched = watching.take(JointMessage(stamp, fitted.joint_names, *signals))
+        assert watched is not None
+        found.append(watched.external.torque)
+    np.testing.assert_array_equal(found[0], found[1])
