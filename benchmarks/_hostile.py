@@ -23,7 +23,7 @@ USES: Mapping[str, tuple[str, ...]] = {
     'computed_torque': ('plans', 'torques', 'idle'),
     'adapt': (
         *('too_soon', 'after_a_gap', 'out_of_range', 'waiting'),
-        *('learned', 'held', 'disturbed', 'resting', 'settling'),
+        *('learned', 'held', 'disturbed', 'resting', 'settling', 'stuck'),
     ),
 }
 """The counters of ~/status for the messages that a node used."""

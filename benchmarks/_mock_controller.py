@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import json
 import os
@@ -79,15 +79,18 @@ def controlled(
     folder: Path,
     rate_hz: int,
     program: Sequence[str] | None = None,
+    beside: Mapping[str, str] | None = None,
     **more: Any,
-) -> Iterator[None]:
+) -> Iterator[subprocess.Popen[bytes]]:
     """
     Run a manager with an active joint_trajectory_controller; `node` has its URDF.
 
-    `program`: takes the place of ros2_control_node. `more`: parameters of the controller.
+    `program`: takes the place of ros2_control_node. `beside`: names and types of other controllers
+    without parameters. `more`: parameters of the controller.
 
     """
     controllers = {NAME: (JTC, trajectory_controller(joints, **more))}
+    controllers |= {name: (kind, {}) for name, kind in (beside or {}).items()}
     parameters = write_parameters(folder / 'controllers.yaml', rate_hz, controllers)
     latched = node.create_publisher(String, '/robot_description', qos.LATCHED)
     latched.publish(String(data=description(joints)))
@@ -96,8 +99,8 @@ def controlled(
         command = [*program, '--ros-args', '--params-file', str(parameters)]
         manager = subprocess.Popen(command, stdout=log, stderr=log)
         try:
-            subprocess.run([_program('spawner'), NAME], stdout=log, stderr=log, check=True)
-            yield
+            subprocess.run([_program('spawner'), *controllers], stdout=log, stderr=log, check=True)
+            yield manager
         finally:
             manager.terminate()
             manager.wait()

@@ -1,5 +1,6 @@
 // A controller manager whose mock hardware is a simulated arm: effort commands move it, positions
-// and velocities are its own. See track_controller.py.
+// and velocities are its own, efforts have noise. It takes a payload up at SIGUSR1 and puts it down
+// at SIGUSR2. See track_controller.py and carry.py.
 //
 // The libraries of the hardware are there without their headers, so what is called is declared
 // here. `read` of the mock hardware is defined here too: that of the program is taken before that
@@ -11,9 +12,12 @@
 #include <sched.h>
 
 #include <cmath>
+#include <csignal>
 #include <cstdio>
+#include <random>
 
 #include "arm_dynamics.h"
+#include "loaded_dynamics.h"
 
 namespace hardware_interface
 {
@@ -44,6 +48,9 @@ constexpr int kSteps = 8;  // of a cycle
 constexpr double kStep = 0.002 / kSteps;
 constexpr double kSlope = 20.0;  // above the steepest slope of friction [N m s/rad]: taken implicitly
 
+constexpr double kNoise = 0.05;  // of efforts that are measured [N m]
+
+volatile std::sig_atomic_t loaded = 0;
 double q[N] = {0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785}, dq[N];
 std::string names[N];
 
@@ -65,8 +72,8 @@ void solve(double (*M)[N], double * x)
 void advance(const double * tau)
 {
   double M[N][N], bias[N], zero[N] = {}, ddq[N];
-  arm_inertia_matrix(q, &M[0][0]);
-  arm_torque(q, dq, zero, bias);
+  (loaded ? loaded_inertia_matrix : arm_inertia_matrix)(q, &M[0][0]);
+  (loaded ? loaded_torque : arm_torque)(q, dq, zero, bias);
   for (int i = 0; i < N; i++) {
     ddq[i] = tau[i] - bias[i];
     M[i][i] += kStep * kSlope;
@@ -82,6 +89,8 @@ void advance(const double * tau)
 hardware_interface::return_type mock_components::GenericSystem::read(
   const rclcpp::Time &, const rclcpp::Duration &)
 {
+  static std::mt19937 random;
+  static std::normal_distribution<double> noise(0.0, kNoise);
   double tau[N];
   bool commanded = true;  // brakes hold the arm before
   for (int i = 0; i < N; i++) {
@@ -92,6 +101,7 @@ hardware_interface::return_type mock_components::GenericSystem::read(
   for (int i = 0; i < N; i++) {
     set_state(names[i] + "/position", q[i]);
     set_state(names[i] + "/velocity", dq[i]);
+    if (commanded) set_state(names[i] + "/effort", tau[i] + noise(random));
   }
   return hardware_interface::return_type::OK;
 }
@@ -99,6 +109,8 @@ hardware_interface::return_type mock_components::GenericSystem::read(
 int main(int count, char ** arguments)
 {
   for (int i = 0; i < N; i++) names[i] = "panda_joint" + std::to_string(i + 1);
+  std::signal(SIGUSR1, [](int) { loaded = 1; });
+  std::signal(SIGUSR2, [](int) { loaded = 0; });
   auto & manager = made(count, arguments);
   // controllers read the clock: a late cycle is an error of the arm, so be as punctual as allowed
   sched_param parameters{};

@@ -89,6 +89,19 @@ def stuck(arm: Arm, rng: np.random.Generator, states: States) -> tuple[States, A
     return states, tau
 
 
+def saturated(arm: Arm, rng: np.random.Generator, states: States) -> tuple[States, Array]:
+    """Have one joint's effort reach no further than its usual size."""
+    tau = arm.measured(states, rng)
+    tau[:, 1] = np.clip(tau[:, 1], -arm.size[1], arm.size[1])
+    return states, tau
+
+
+def far(arm: Arm, rng: np.random.Generator, states: States) -> tuple[States, Array]:
+    """Move twice as far and as fast as the arm that was fitted."""
+    q, dq, ddq = (2.0 * x for x in states)
+    return (q, dq, ddq), arm.measured((q, dq, ddq), rng)
+
+
 def exchanged(arm: Arm, rng: np.random.Generator, states: States) -> tuple[States, Array]:
     """Exchange the efforts of two joints."""
     return states, arm.measured(states, rng)[:, [1, 0, *range(2, N_JOINTS)]]
@@ -114,9 +127,11 @@ HOURS: dict[str, Hour] = {
     'contacts': touched,
     'a sign turned': turned,
     'a stuck effort': stuck,
+    'a saturated effort': saturated,
     'efforts exchanged': exchanged,
     'rest': resting,
     'one sine': one_sine,
+    'states far away': far,
 }
 
 

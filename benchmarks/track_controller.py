@@ -15,6 +15,7 @@ import numpy as np
 from benchmarks._cells import measured, show
 from benchmarks._loop_program import compiled
 from benchmarks.serve_rate import MIDDLEWARES
+from lip_id_ros.adaptation.payloads import BODY, known_payload
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.urdf import load_description
@@ -31,6 +32,7 @@ JOINTS = tuple(f'panda_joint{i + 1}' for i in range(N))
 POSTURE = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 ROTORS = 0.1  # kg m^2
 FRICTION = 0.5  # N m, and N m s/rad
+PAYLOAD, PAYLOAD_AT = 2.0, np.array([0.0, 0.03, 0.16])  # kg; m, in the frame of the last link
 NOISE = 0.05  # of the efforts that are learned from [N m]
 DURATION_S, N_POINTS = 6.0, 400
 WAYS = ('none', 'true URDF, as KDL', 'ours, plan', 'ours, action')
@@ -55,8 +57,7 @@ def main(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / 'arm_dynamics.h').write_text(to_c_header(true_arm()), encoding='utf-8')
-        program = compiled(SOURCE, folder, ['mock_components'])
+        program = compiled_arm(folder)
         model = options.model or str(folder / 'model.npz')
         if not options.model:
             fit(recording()).save(model)
@@ -70,14 +71,23 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def true_arm() -> ArmDescription:
-    """Return the Panda of example-robot-data with rotors, viscous and Coulomb friction."""
+def compiled_arm(folder: Path) -> str:
+    """Compile the simulated arm behind a controller manager, with a payload and without."""
+    for arm in (true_arm(), true_arm('loaded', PAYLOAD)):
+        place = folder / f'{arm.name}_dynamics.h'
+        place.write_text(to_c_header(arm), encoding='utf-8')
+    return compiled(SOURCE, folder, ['mock_components'])
+
+
+def true_arm(name: str = 'arm', payload: float = 0.0) -> ArmDescription:
+    """Return the Panda of example-robot-data with rotors, friction and a payload [kg]."""
     described, ones = load_description(panda_urdf(), JOINTS, ('revolute',) * N), np.ones(N)
     basis = plain_friction(N, (0.05 * ones).tolist())
     links = described.links.copy()
     links[:, ROTOR] = ROTORS
+    links[-1, :BODY] += known_payload(payload, PAYLOAD_AT)
     return ArmDescription(
-        name='arm',
+        name=name,
         joint_names=JOINTS,
         chain=described.chain,
         links=links,
@@ -114,14 +124,14 @@ def point_to_point() -> States:
     )
 
 
-def swings(periods: float) -> States:
+def swings(periods: float, size: float = 1.0) -> States:
     """From rest to rest, with sines in between whose amplitudes fall with their number."""
     t = _times()
     s = (t / DURATION_S)[:, None]
     window = 16 * s**2 * (1 - s) ** 2
     rise = 16 * (2 * s - 6 * s**2 + 4 * s**3) / DURATION_S
     bend = 16 * (2 - 12 * s + 12 * s**2) / DURATION_S**2
-    amplitude = np.array([0.4, 0.3, 0.4, 0.3, 0.5, 0.4, 0.6]) / np.sqrt(periods)
+    amplitude = size * np.array([0.4, 0.3, 0.4, 0.3, 0.5, 0.4, 0.6]) / np.sqrt(periods)
     omega = 2.0 * np.pi * periods / DURATION_S * np.array([1, 1, 2, 1, 2, 2, 3])
     sine, cosine = (f(omega * t[:, None]) * amplitude for f in (np.sin, np.cos))
     return (

@@ -16,6 +16,7 @@ from lip_id_ros.adaptation.kalman import (
     let_walk,
     RESTING,
     SETTLING,
+    STUCK,
 )
 from lip_id_ros.adaptation.payloads import (
     BODY,
@@ -42,6 +43,12 @@ in which nothing is learned [s].
 NEAR_REST = 0.05
 """Velocities near rest, in root mean squares of those of the training data."""
 
+STUCK_S, SAME = 0.5, 1e-6
+"""
+Time after which a torque that does not change is not that of a joint that moves [s], and the least
+change, in deviations of the noise.
+"""
+
 CHUNK = 100
 """Samples for which torques are taken as linear around the same numbers."""
 
@@ -55,7 +62,10 @@ above which nothing is trusted.
 """
 
 NOTHING = 1.0
-"""Mean square of the torques of a payload that is none, in that of the noise."""
+"""
+Mean square of the torques of a payload that is none, in that of the noise, beside the share of
+what was put down that the arm leaves open.
+"""
 
 AFTER = 0.1
 """Of the deviations of a change, where the filter begins anew."""
@@ -127,9 +137,11 @@ class Adaptation:
         self._revolute = np.asarray(~is_prismatic(model.joint_types))
         self._inflation = _inflation_of(model)
         self._t, self._quiet, self.n_forgotten = np.nan, np.inf, 0
-        self._q = np.zeros(model.n_joints)
+        self._q, self._tau = np.zeros((2, model.n_joints))
+        self._changed_at = np.full(model.n_joints, np.nan)
         self._dahl = np.zeros((model.n_joints, len(DISPLACEMENTS)))
-        self._watch, self._last = PayloadWatch(), self.arm.last_body
+        self._last = self.arm.last_body
+        self._watch = PayloadWatch(model.n_joints, self.arm.unsure_of_payloads)
         self.payload: Payload | None = None
         self.payload_events: list[PayloadEvent] = []
         self._begin(self._walk.variance)
@@ -139,8 +151,14 @@ class Adaptation:
         self.numbers = self.arm.start.copy()
         self.covariance = self.arm.covariance + np.diag(variance)
         self._squares, self._disturbed, self._seconds = np.zeros(2), 1.0, 0.0
-        # the body as found so far, while it settles
-        self._settling, self._body = False, np.zeros(BODY)
+        self._drop()
+
+    def _drop(self) -> None:
+        """Carry no payload that was found."""
+        # the body as found so far, while it settles, and that of the payload
+        self._settling, self._body, self._found = False, np.zeros(BODY), np.zeros(BODY)
+        # variances of torques with the payload, in those of the arm alone
+        self._inflations = np.ones(len(self.arm.arm.links))
         self._watch.clear()
 
     def reset(self) -> None:
@@ -156,6 +174,8 @@ class Adaptation:
             'numbers': self.numbers,
             'covariance': self.covariance,
             'announced': self._announced,
+            'found': self._found,
+            'inflations': self._inflations,
             'payload': found,
         }
 
@@ -166,8 +186,7 @@ class Adaptation:
         ValueError if the state is not of this arm.
 
         """
-        shapes = {name: each.shape for name, each in self.state().items()}
-        kinds = {name: shapes[name] for name in ('numbers', 'covariance', 'announced')}
+        kinds = {name: each.shape for name, each in self.state().items() if name != 'payload'}
         if any(
             name not in state or state[name].shape != shape or not np.isfinite(state[name]).all()
             for name, shape in kinds.items()
@@ -176,6 +195,7 @@ class Adaptation:
         self.reset()
         self.arm.carry(state['announced'])
         self.numbers, self.covariance = state['numbers'].copy(), state['covariance'].copy()
+        self._found, self._inflations = state['found'].copy(), state['inflations'].copy()
         found = state.get('payload', np.zeros(0))
         self.payload = Payload.from_array(found) if found.size else None
         self.pause(seconds)
@@ -195,13 +215,12 @@ class Adaptation:
         fit has it too, so that it is trusted at once.
 
         """
-        found = self.numbers[self._last] - self.arm.start[self._last]
+        learned = self.numbers[self._last] - self.arm.start[self._last] - self._found - self._body
         self.arm.carry(known_payload(mass, centre))
-        left = np.zeros(BODY) if self.payload is not None or self._settling else found
-        self.numbers[self._last] = self.arm.start[self._last] + left
+        self.numbers[self._last] = self.arm.start[self._last] + learned
         self.numbers = self.arm.possible(self.numbers, self.covariance)
-        self._settling, self._body, self.payload = False, np.zeros(BODY), None
-        self._watch.clear()
+        self._drop()
+        self.payload = None
         none = np.zeros(3)
         known = Payload(mass, 0.0, np.asarray(centre, dtype=np.float64), none) if mass else None
         self.payload_events.append(PayloadEvent(self._t, known))
@@ -282,8 +301,13 @@ class Adaptation:
         history, steps, active = self._history(t, q, dq), self._steps(t), self.arm.active
         torque, slopes = self.arm.linearised(self.numbers, q, dq, ddq, history)
         frozen = self.arm.fitted_torque(q, dq, ddq, history)
-        noise = np.square(self.arm.noise.std_at(dq))
-        rests = (np.abs(dq) < NEAR_REST * self.arm.speed) | left_out
+        noise = self._inflations * np.square(self.arm.noise.std_at(dq))
+        rests, stuck = (
+            (np.abs(dq) < NEAR_REST * self.arm.speed) | left_out,
+            self._stuck(t, measured),
+        )
+        stuck &= ~rests
+        rests |= stuck
         mean = self.numbers[active]
         predicted, variance, outcome = np.empty_like(q), np.empty_like(q), np.empty(len(q))
         self._quiet = follow(
@@ -305,7 +329,8 @@ class Adaptation:
         self.numbers[active] = mean
         self.numbers = self.arm.possible(self.numbers, self.covariance)
         self._t, self._q = float(t[-1]), q[-1].copy()
-        kind = np.where((outcome == LEARNED) & rests.all(axis=1), RESTING, outcome)
+        kind = np.where((outcome == LEARNED) & stuck.any(axis=1), STUCK, outcome)
+        kind = np.where((kind == LEARNED) & rests.all(axis=1), RESTING, kind)
         kind = np.where(self._settling, SETTLING, kind).astype(np.int64)
         trusted = np.full(len(t), self.is_trusted)
         followed = Followed(predicted, np.sqrt(variance + noise), frozen, kind, trusted)
@@ -316,6 +341,16 @@ class Adaptation:
         left = measured - predicted, self._inflation * std**2
         self._look_for_payload(steps, slopes[..., self._last], *left, outcome)
         return followed
+
+    def _stuck(self, t: Array, measured: Array) -> BoolArray:
+        """Mark the torques (N, n) that have not changed for some time."""
+        before = np.concatenate([self._tau[None], measured[:-1]])
+        changes = np.abs(measured - before) > SAME * self.arm.noise.std
+        # a time before the first, or of another clock, is none
+        first = np.where(self._changed_at <= t[0], self._changed_at, t[0])
+        at = np.maximum.accumulate(np.where(changes, t[:, None], first), axis=0)
+        self._tau, self._changed_at = measured[-1].copy(), at[-1]
+        return np.asarray(t[:, None] - at > STUCK_S)
 
     def _look_for_payload(
         self, steps: Array, slopes: Array, residual: Array, variance: Array, outcome: Array
@@ -338,13 +373,13 @@ class Adaptation:
     def _settle(self, before: Array) -> None:
         """Give the last link the body that explains most so far, for good when it is known."""
         watch, kept = self._watch, self.numbers[self._last] - before
-        self._body = watch.body
-        if watch.is_settled or not watch.is_payload:
-            self._settling = False
-            if not watch.is_payload:
-                self._body = np.zeros(BODY)
-            else:
-                self._note_payload(kept, watch.covariance)
+        self._body = self.arm.possible_body(kept, watch.body, watch.information)
+        is_payload = watch.is_payload
+        self._settling = is_payload and not watch.is_settled
+        if not is_payload:
+            self._body = np.zeros(BODY)
+        elif not self._settling:
+            self._note_payload()
         self.numbers[self._last] = kept + self._body
         self.numbers = self.arm.possible(self.numbers, self.covariance)
         if not self._settling:
@@ -373,14 +408,17 @@ class Adaptation:
                 self.payload = None
                 self.payload_events.append(PayloadEvent(self._t, None))
 
-    def _note_payload(self, kept: Array, covariance: Array) -> None:
+    def _note_payload(self) -> None:
         """Note the whole payload; one that is put down leaves the arm as it was."""
-        start = self.arm.start[self._last]
-        whole = kept + self._body - start
-        if self.payload is not None and self._watch.mean_square(whole) < NOTHING:
-            self._body, self.payload = start - kept, None
+        whole, size = self._found + self._body, self._watch.mean_square
+        is_nothing = size(whole) < NOTHING + self._watch.unsure * size(self._body)
+        if self.payload is not None and is_nothing:
+            self._body, self._found, self.payload = -self._found, np.zeros(BODY), None
+            self._inflations = np.ones_like(self._inflations)
         else:
-            self.payload = payload_of(whole, covariance)
+            self._found, self.payload = whole, payload_of(whole, self._watch.covariance)
+            left = self._watch.left_of_joints
+            self._inflations = np.maximum(self._inflations * left, 1.0)
         self.payload_events.append(PayloadEvent(self._t, self.payload))
 
     def _steps(self, t: Array) -> Array:

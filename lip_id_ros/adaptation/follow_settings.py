@@ -86,7 +86,7 @@ def timeout_setting(applies: str) -> Any:
 def limit_setting(applies: str) -> Any:
     """Declare the largest change of a torque."""
     return setting(
-        (1.0,),
+        (2.0,),
         'Largest change of a torque by an update, at the states of the training data, in the '
         f'largest torque of the joint there; updates beyond are refused. {PER_JOINT}',
         minimum=0.0,

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from lip_id_ros.adaptation.kalman import Walk
+from lip_id_ros.adaptation.payloads import known_payload
 from lip_id_ros.adaptation.possible import can_exist, NearestLinks, scale_of_links
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import ModelError
@@ -25,8 +26,9 @@ from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.residual_gp import ResidualGPMean
 from lip_id_ros.rigid_body import LINK_PARAMETERS
+from lip_id_ros.rigid_body.pseudo_inertia import LinkScale
 from lip_id_ros.rigid_body.regressor import torque_regressor
-from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
+from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
 
 STATES = 300
 """Of the training range, at which sizes of torques are measured where a model keeps no states."""
@@ -35,6 +37,9 @@ SECONDS = 3600.0
 
 NEARLY = 1.0 - 1e-9
 """Of a bound, at which a number is taken to be there."""
+
+USUAL_CENTRE, UNSURE_EVERY = np.full(3, 0.1), 4
+"""Centre of a usual payload in the frame of the last link [m]; every so many states are taken."""
 
 SHARE_OF_NOISE = 0.1
 """Of the noise, to which torques of links that can exist are fitted at least."""
@@ -216,6 +221,40 @@ class FollowedArm:
         rows = (slopes[..., : self._n_links] / std[..., None]).reshape(-1, self._n_links)
         found = NearestLinks(links, rows, self._scale).found()
         return np.concatenate([found.ravel(), friction.coefficients])
+
+    def possible_body(self, link: Array, body: Array, information: Array) -> Array:
+        """
+        Return the body that a last link can carry with the nearest torques.
+
+        `link`, `body`, shape (10,): the last link without it, and any numbers. `information`,
+        shape (10, 10): of the numbers, as torques have it.
+
+        """
+        whole = np.append(link + body, self.arm.links[-1, -1])[None]
+        if can_exist(whole):
+            return body
+        rows = np.pad(np.linalg.cholesky(information).T, ((0, 0), (0, 1)))
+        scale = LinkScale(*(each[-1:] for each in self._scale))
+        return np.asarray(NearestLinks(whole, rows, scale).found()[0, :-1] - link)
+
+    @cached_property
+    def unsure_of_payloads(self) -> float:
+        """Share of the squared torques of a body that places of joints, as unsure, leave open."""
+        q, dq, ddq = (np.ascontiguousarray(x[::UNSURE_EVERY]) for x in self._usual_states)
+        slopes = self.linearised(self.start, q, dq, ddq)[1][..., self.last_body]
+        body, loaded = known_payload(1.0, USUAL_CENTRE), self.arm.links.copy()
+        loaded[-1, :-1] += body
+        bare, more = (
+            placement_derivatives(self.arm.chain, links, q, dq, ddq)
+            for links in (self.arm.links, loaded)
+        )
+        std = self.arm.noise.std_at(dq)[..., None]
+        open_ = (more - bare).reshape(*slopes.shape[:2], -1) @ self.arm.covariance_root[
+            : self._first
+        ]
+        rows, errors = ((x / std).reshape(-1, x.shape[-1]) for x in (slopes, open_))
+        left = errors - rows @ np.linalg.lstsq(rows, errors, rcond=None)[0]
+        return float(np.sum(left**2) / np.sum((rows @ body) ** 2))
 
     def carry(self, body: Array) -> None:
         """Begin with a known body, shape (10,), at the last link of the fit."""

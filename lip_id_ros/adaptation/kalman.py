@@ -15,10 +15,10 @@ CLIPPED = 3.0
 PASSES = 5
 """Over the bounds, before numbers are cut off."""
 
-LEARNED, HELD, DISTURBED, RESTING, SETTLING = range(5)
+LEARNED, HELD, DISTURBED, RESTING, SETTLING, STUCK = range(6)
 """
 What became of a sample; the filter knows the first three. `RESTING`: no joint moves. `SETTLING`: a
-payload is being found.
+payload is being found. `STUCK`: the torque of a joint that moves stands still, and is left out.
 """
 
 

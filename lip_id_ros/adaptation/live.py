@@ -27,7 +27,7 @@ from lip_id_ros.signals.status import in_words, Level, Status, Tally
 SILENCE_S = 2.0
 """After so long without a joint state nobody knows whether an update still holds."""
 
-OUTCOMES = ('learned', 'held', 'disturbed', 'resting', 'settling')
+OUTCOMES = ('learned', 'held', 'disturbed', 'resting', 'settling', 'stuck')
 """Keys of the status, in the order of the outcomes of the filter."""
 
 MOST = 1e6

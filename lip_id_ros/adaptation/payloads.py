@@ -25,9 +25,11 @@ PRIOR_STD = np.array([5.0, *3 * (1.0,), *6 * (0.3,)])
 LEAST_S, SETTLED_S = 1.0, 5.0
 """Motion after which a payload may be found, and after which it is known [s]."""
 
-SURE, CONSISTENT = 60.0, 3.0
+SURE, CONSISTENT, UNEXPLAINED = 60.0, 3.0, 0.02
 """
-Least log likelihood ratio, and largest mean square of what remains, in that of the noise.
+Least log likelihood ratio, and largest mean square of what remains: in that of the noise, and
+beside it, at most, in that of what is explained where places of joints are not sure. Contacts
+leave a tenth and more.
 """
 
 LONGEST_S = 2.0
@@ -103,15 +105,22 @@ def known_payload(mass: float, centre: Array) -> Array:
 
 
 class PayloadWatch:
-    """Statistics of the torques since a disturbance began, for the body that explains them."""
+    """
+    Statistics of the torques since a disturbance began, for the body that explains them.
 
-    def __init__(self) -> None:
+    `unsure`: share of the squared torques of a body that the arm leaves open.
+
+    """
+
+    def __init__(self, n_joints: int, unsure: float) -> None:
+        self._n, self.unsure = n_joints, min(unsure, UNEXPLAINED)
         self.clear()
 
     def clear(self) -> None:
         """Begin anew."""
-        self.seconds, self._count, self._squares = 0.0, 0, 0.0
-        self._information, self._target = np.diag(PRIOR_STD**-2.0), np.zeros(BODY)
+        self.seconds, self._counts, self._squares = 0.0, np.zeros(self._n), np.zeros(self._n)
+        self._informations = np.zeros((self._n, BODY, BODY))
+        self._targets = np.zeros((self._n, BODY))
 
     def add(self, seconds: float, slopes: Array, residual: Array, variance: Array) -> None:
         """
@@ -122,41 +131,62 @@ class PayloadWatch:
         infinite where a joint rests.
 
         """
-        used = np.isfinite(variance)
-        rows = slopes[used] / np.sqrt(variance[used])[:, None]
-        errors = residual[used] / np.sqrt(variance[used])
+        weights = 1.0 / variance
+        rows = slopes * weights[..., None]
         self.seconds += seconds
-        self._count += errors.size
-        self._squares += float(errors @ errors)
-        self._information += rows.T @ rows
-        self._target += rows.T @ errors
+        self._counts += np.isfinite(variance).sum(axis=0)
+        self._squares += np.sum(residual**2 * weights, axis=0)
+        self._informations += np.einsum('tjk,tjl->jkl', rows, slopes)
+        self._targets += np.einsum('tjk,tj->jk', rows, residual)
 
     @property
     def body(self) -> Array:
         """The numbers of the body that explains most, shape (10,)."""
-        return np.asarray(np.linalg.solve(self._information, self._target))
+        return np.asarray(np.linalg.solve(self.information, self._targets.sum(axis=0)))
 
     @property
     def covariance(self) -> Array:
-        """Their covariance, shape (10, 10)."""
-        return np.asarray(np.linalg.inv(self._information))
+        """Their covariance with what remains as noise, shape (10, 10)."""
+        return np.asarray(max(self._left, 1.0) * np.linalg.inv(self.information))
+
+    @property
+    def information(self) -> Array:
+        """The inverse of their covariance with the noise alone, shape (10, 10)."""
+        return np.asarray(self._informations.sum(axis=0) + np.diag(PRIOR_STD**-2.0))
+
+    @property
+    def _left(self) -> float:
+        """Mean square of what remains, in that of the noise."""
+        count = max(self._counts.sum() - BODY, 1)
+        return float((self._squares.sum() - self._explained) / count)
+
+    @property
+    def _explained(self) -> float:
+        return float(self._targets.sum(axis=0) @ self.body)
+
+    @property
+    def left_of_joints(self) -> Array:
+        """Mean squares of what remains at each joint, in those of the noise, shape (n,)."""
+        body = self.body
+        fitted = 2.0 * self._targets @ body - self._informations @ body @ body
+        return np.asarray((self._squares - fitted) / np.maximum(self._counts, 1))
 
     def mean_square(self, body: Array) -> float:
         """Return the mean square of the torques of a body, in that of the noise."""
-        seen = self._information - np.diag(PRIOR_STD**-2.0)
-        return float(body @ seen @ body) / max(self._count, 1)
+        seen = self._informations.sum(axis=0)
+        return float(body @ seen @ body) / max(self._counts.sum(), 1)
 
     @property
     def is_payload(self) -> bool:
         """Whether a body explains the torques, surely and wholly."""
-        explained = float(self._target @ self.body)
-        left = (self._squares - explained) / max(self._count - BODY, 1)
-        return explained > 2.0 * SURE and left < CONSISTENT
+        explained = self._explained
+        most = CONSISTENT + self.unsure * explained / max(self._counts.sum(), 1)
+        return bool(explained > 2.0 * SURE and self._left < most)
 
     @property
     def is_long_enough(self) -> bool:
         """Whether there is enough motion to find a payload."""
-        return self.seconds >= LEAST_S and self._count > BODY
+        return self.seconds >= LEAST_S and bool(self._counts.sum() > BODY)
 
     @property
     def is_settled(self) -> bool:

@@ -13,6 +13,7 @@ import pytest
 from lip_id_ros.adaptation.adaptation import Adaptation, CHUNK
 from lip_id_ros.adaptation.changes import change_lines, changes, friction_at_speed
 from lip_id_ros.adaptation.followed import WalkSettings
+from lip_id_ros.adaptation.kalman import STUCK
 from lip_id_ros.adaptation.possible import can_exist
 from lip_id_ros.errors import DataError, ModelError, ShapeError
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
@@ -160,6 +161,21 @@ def test_what_got_worse_than_the_fit_is_forgotten() -> None:
     assert adaptation.n_forgotten >= 1
     later = stream(model, 30.0, seed=1, start=120.0)
     assert error_of(adaptation.model, later) < 1.1 * error_of(model, later)
+
+
+def test_a_torque_that_stands_still_is_left_out_while_its_joint_moves() -> None:
+    model = known_model()
+    adaptation = Adaptation(model)
+    adaptation.update(*stream(with_friction(model, 0.8), 60.0))
+    assert adaptation.is_trusted
+    data = stream(with_friction(model, 0.8), 60.0, seed=1, start=60.0)
+    tau = data.tau.copy()
+    tau[:, 1] = 0.3
+    outcome = adaptation.update(*data._replace(tau=tau)).outcome
+    assert (outcome[40:] == STUCK).mean() > 0.8
+    assert adaptation.is_trusted
+    later = stream(with_friction(model, 0.8), 30.0, seed=2, start=120.0)
+    assert error_of(adaptation.model, later) < 0.2 * error_of(model, later)
 
 
 def test_pieces_of_a_stream_are_the_stream() -> None:

@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 
 from lip_id_ros.adaptation.adaptation import Adaptation
+from lip_id_ros.adaptation.followed import FollowedArm, WalkSettings
 from lip_id_ros.adaptation.payloads import (
     BODY,
+    known_payload,
     Payload,
     payload_of,
     PayloadEvent,
     PayloadWatch,
 )
+from lip_id_ros.adaptation.possible import can_exist
 from lip_id_ros.model import InverseDynamicsModel
 
 CENTRE = np.array([0.03, -0.02, 0.12])
@@ -93,7 +96,7 @@ def test_a_body_is_found_by_least_squares_with_its_deviations() -> None:
     variance = np.full_like(residual, 0.01)
     variance[::2, 1] = np.inf
     residual[::2, 1] = 1e6
-    watch = PayloadWatch()
+    watch = PayloadWatch(3, 0.0)
     watch.add(10.0, slopes[:100], residual[:100], variance[:100])
     watch.add(10.0, slopes[100:], residual[100:], variance[100:])
     assert watch.is_payload
@@ -133,3 +136,48 @@ def test_an_event_gives_numbers_with_deviations_where_they_are_known() -> None:
     unknown = PayloadEvent(5.0, payload_of(np.zeros(BODY), np.eye(BODY)))
     assert unknown.sentence().endswith('± 1 kg, its centre of mass unknown.')
     assert unknown.to_json()['centre'] is None
+
+
+def test_what_places_of_joints_leave_open_is_no_contact() -> None:
+    """What remains is a twentieth of the torques of a body, and a third."""
+    rng = np.random.default_rng(2)
+    body = np.array([1.0, 0.03, -0.02, 0.12, 0.02, 0.001, 0.0, 0.02, 0.0, 0.002])
+    slopes = rng.normal(size=(200, 3, BODY))
+    explained = slopes @ body
+    variance = np.full_like(explained, 1e-4)
+    for share, unsure, is_payload in ((0.05, 0.0, False), (0.05, 1.0, True), (0.33, 1.0, False)):
+        watch = PayloadWatch(3, unsure)
+        rest = share * explained[:, [2, 0, 1]] * np.array([0.0, 1.0, 2.0])
+        watch.add(10.0, slopes, explained + rest, variance)
+        assert watch.is_payload is is_payload
+        left = watch.left_of_joints
+        assert left[0] < left[1] < left[2]
+        assert abs(watch.body[0] - 1.0) < 4.0 * np.sqrt(watch.covariance[0, 0])
+
+
+def test_places_of_joints_that_are_not_sure_leave_torques_of_payloads_open() -> None:
+    model = known_model()
+    assert model.arm is not None
+    assert FollowedArm(model, WalkSettings()).unsure_of_payloads == 0.0
+    found = []
+    for std in (0.01, 0.02):
+        root = np.pad(model.arm.covariance_root, ((0, 0), (0, 6)))
+        root[12:18, -6:] = std * np.eye(6)  # of the last joint
+        unsure = replace(model, arm=replace(model.arm, covariance_root=root))
+        found.append(FollowedArm(unsure, WalkSettings()).unsure_of_payloads)
+    assert found[0] > 0.0
+    np.testing.assert_allclose(found[1], 4.0 * found[0], rtol=1e-6)
+
+
+def test_a_body_that_no_link_can_carry_becomes_the_nearest_that_one_can() -> None:
+    model = known_model()
+    assert model.arm is not None
+    arm, link = FollowedArm(model, WalkSettings()), model.arm.links[-1, :BODY]
+    body = known_payload(0.5, CENTRE)
+    np.testing.assert_array_equal(arm.possible_body(link, body, np.eye(BODY)), body)
+    information = np.diag([1e6, *3 * (1e6,), *6 * (1.0,)])
+    wrong = body.copy()
+    wrong[4] = -5.0
+    found = arm.possible_body(link, wrong, information)
+    assert can_exist(np.append(link + found, model.arm.links[-1, -1])[None])
+    np.testing.assert_allclose(found[:4], wrong[:4], atol=5e-3)
