@@ -2,7 +2,9 @@
 Errors of an arm that warms up: of the fit to its first minute, of the same followed, and refitted.
 
 Viscous friction falls by 40 % and dry friction by 15 % in twenty minutes, offsets wander. The arm
-is refitted to the last two minutes, and judged on the half minute after them.
+is refitted to the last two minutes, and judged on the half minute after them. Rivals learn from
+each sample after they have predicted it, as the arm that is followed does, from the first minute
+on.
 
 """
 
@@ -16,6 +18,7 @@ import time
 import numpy as np
 
 from benchmarks._drives import random_arm, sines, WIDTH
+from benchmarks._online import sparse_spectrum, true_regressor
 from lip_id_ros.adaptation.adaptation import Adaptation
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
@@ -30,6 +33,10 @@ FALLS = (0.4, 0.15)
 TIME_CONSTANT_S = 600.0
 LAST_S, JUDGED_S = 120.0, 30.0
 JUDGED_AT = (300.0, 600.0, 900.0, 1170.0)
+FADING = 1.0 / (LAST_S * RATE_HZ)
+"""What rivals forget in a step."""
+
+NAMES = ('frozen', 'followed', 'refitted', 'true regressor', 'spectrum', 'fading spectrum')
 
 
 def main(arguments: list[str]) -> int:
@@ -40,10 +47,11 @@ def main(arguments: list[str]) -> int:
     rows = []
     for seed in options.seeds:
         figures = errors(seed)
-        rows.append([figures[name] for name in ('frozen', 'followed', 'refitted')])
+        rows.append([figures[name] for name in NAMES])
         print(json.dumps({'seed': seed, **figures}), flush=True)
     means = np.exp(np.mean(np.log(rows), axis=0))
-    print('nMSE [%], frozen, followed, refitted:', *(f'{each:.3g}' for each in means), flush=True)
+    found = (f'{name} {each:.3g}' for name, each in zip(NAMES, means, strict=True))
+    print('nMSE [%]:', *found, flush=True)
     return 0
 
 
@@ -57,7 +65,12 @@ def errors(seed: int) -> dict[str, float]:
     followed = adaptation.update(rest.t, rest.q, rest.dq, rest.ddq, rest.tau)
     seconds = time.perf_counter() - start
     within = np.abs(rest.tau - followed.tau) <= 2.0 * followed.std
-    found: dict[str, list[float]] = {'frozen': [], 'followed': [], 'refitted': []}
+    found: dict[str, list[float]] = {name: [] for name in NAMES}
+    learned = {
+        'frozen': followed.frozen,
+        'followed': followed.tau,
+        **rivals(seed, data, first.n_samples),
+    }
     for at in JUDGED_AT:
         judged = (rest.t >= FIRST_S + at) & (rest.t < FIRST_S + at + JUDGED_S)
         last = (rest.t >= FIRST_S + at - LAST_S) & (rest.t < FIRST_S + at)
@@ -66,11 +79,8 @@ def errors(seed: int) -> dict[str, float]:
         )
         assert rest.tau_noiseless is not None
         truth = rest.tau_noiseless[judged]
-        for name, tau in (
-            ('frozen', followed.frozen[judged]),
-            ('followed', followed.tau[judged]),
-            ('refitted', refitted.tau),
-        ):
+        all_of = {name: tau[judged] for name, tau in learned.items()} | {'refitted': refitted.tau}
+        for name, tau in all_of.items():
             nmse = 100.0 * np.mean((tau - truth) ** 2, axis=0) / truth.var(axis=0)
             found[name].append(float(nmse.mean()))
     return {
@@ -78,6 +88,17 @@ def errors(seed: int) -> dict[str, float]:
         'covered_percent': float(100.0 * within.mean()),
         'learned_percent': float(100.0 * followed.learned.mean()),
         'us_per_sample': 1e6 * seconds / rest.n_samples,
+    }
+
+
+def rivals(seed: int, data: Dataset, first: int) -> dict[str, Array]:
+    """Return torques (N, n) that rivals predict of all samples but the `first`."""
+    arm, states = random_arm(N_JOINTS, seed), (data.q, data.dq, data.ddq)
+    noise = NOISE * arm.torque(*states).std(axis=0)
+    return {
+        'true regressor': true_regressor(arm, states, data.tau, noise, FADING)[first:],
+        'spectrum': sparse_spectrum(states, data.tau, first, 0.0)[first:],
+        'fading spectrum': sparse_spectrum(states, data.tau, first, FADING)[first:],
     }
 
 
