@@ -233,7 +233,7 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
         panel.set_yscale('log')
         panel.set_ylabel('rms error [mrad]')
         below = f'motion; from 1 to {LOADED} there is a payload of {PAYLOAD:g} kg'
-        style.finish(figure, panel, below)
+        style.finish(figure, [panel], below)
         figure.savefig(path, dpi=120)
 
 
