@@ -87,7 +87,7 @@ def draw_energies(run: Tracking, kinetic: Array, potential: Array) -> Figure:
         panel.set_title(title, loc='left')
         panel.set_ylabel('energy [J]')
         style.remark(panel, float(error))
-    style.finish(figure, panels[0])
+    style.finish(figure, panels[:1])
     return figure
 
 
