@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from lip_id_ros.acquisition import recording_file
 from lip_id_ros.acquisition.sections import Sections
@@ -22,6 +25,9 @@ MOST_NAMES = 20
 
 LEAST_GAP_S = 0.0625
 """A shorter step is no gap at any rate: preprocessing bridges it, at its default cut-off."""
+
+DISTURBED_S = 1.0
+"""A contact or a blocked joint is noticed within this time."""
 
 FORGETTING = 0.05
 """The usual step is the mean of about twenty."""
@@ -79,7 +85,30 @@ class Recorder(Sections):
         super().clear()
         self._saved_rows = self._n_received = 0
         self._times_cleared += 1
+        self._disturbed: list[tuple[int, int]] = []  # stamps between which it was
         self.gaps, self._resumes = Gaps(), False
+
+    def end_disturbed(self) -> None:
+        """End recording; leave its last second, in which a motion was disturbed, out of fits."""
+        self.recording = False
+        last = self._current.last_stamp_ns
+        self._disturbed.append((last - round(DISTURBED_S * NANOSECONDS), last))
+
+    def samples(self, topic: str) -> list[JointSamples]:
+        """Return copies of the samples of every section, without those that were disturbed."""
+        found = [self._undisturbed(each) for each in super().samples(topic)]
+        return [each for each in found if each.n_samples]
+
+    def _undisturbed(self, samples: JointSamples) -> JointSamples:
+        stamps = samples.start_ns + np.round(samples.t * NANOSECONDS).astype(np.int64)
+        keep = np.ones(samples.n_samples, dtype=np.bool_)
+        for first, last in self._disturbed:
+            keep &= (stamps < first) | (stamps > last)
+        kept = samples.select(keep)
+        if not kept.n_samples:
+            return kept
+        start = round(float(kept.t[0]) * NANOSECONDS)
+        return replace(kept, t=kept.t - kept.t[0], start_ns=samples.start_ns + start)
 
     def saving(self, sections: Sequence[JointSamples]) -> Callable[[], None]:
         """
@@ -156,6 +185,7 @@ class Recorder(Sections):
             'rows': len(self),
             'rows_saved': self._saved_rows,
             'full': self.is_full,
+            'disturbed': len(self._disturbed),
             'joint_names': list(self.joint_names),
             'other_joints': self._other_joints,
             'gaps': self.gaps.count,

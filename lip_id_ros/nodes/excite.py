@@ -90,6 +90,7 @@ class ExciteNode(NodeBase):
         self._controller = ActionClient(self, self._kind, self._action)
         self._record = self.create_client(SetBool, f'{settings.trainer}/record')
         self._fit = self.create_client(Trigger, f'{settings.trainer}/fit')
+        self._end_disturbed = self.create_client(Trigger, f'{settings.trainer}/end_disturbed')
         self.create_subscription(
             DiagnosticStatus, f'{settings.trainer}/status', self._on_trainer, qos.LATCHED
         )
@@ -201,6 +202,9 @@ class ExciteNode(NodeBase):
         try:
             await self._executed(motion, watch)
             await self._settled()
+        except HaltError:
+            self._end_disturbed.call_async(Trigger.Request())
+            raise
         finally:
             self._watch, self._goal, self._trainer_heard_at = None, None, np.inf
             self._record.call_async(SetBool.Request(data=False))

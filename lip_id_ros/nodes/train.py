@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from lip_id_ros.acquisition.job import in_words, Jobs, JobState, Task
-from lip_id_ros.acquisition.recorder import Recorder
+from lip_id_ros.acquisition.recorder import DISTURBED_S, Recorder
 from lip_id_ros.acquisition.settings import (
     check_together,
     fit_values,
@@ -68,6 +68,7 @@ class TrainNode(NodeBase):
 
     def _make_services(self) -> None:
         self.create_service(SetBool, '~/record', self._on_record)
+        self.create_service(Trigger, '~/end_disturbed', self._on_end_disturbed)
         self.create_service(Trigger, '~/fit', self._on_fit)
         self.create_service(Trigger, '~/payload', self._on_payload)
         self.create_service(Trigger, '~/cancel', self._on_cancel)
@@ -117,6 +118,13 @@ class TrainNode(NodeBase):
         self._recorder.recording = request.data
         state = 'recording' if request.data else 'stopped'
         return self._answer(response, True, f'{state}, {len(self._recorder)} samples kept')
+
+    def _on_end_disturbed(
+        self, request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        self._recorder.end_disturbed()
+        text = f'stopped; fits leave out the last {DISTURBED_S:g} s of the recording'
+        return self._answer(response, True, text)
 
     def _on_clear(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         text = f'forgot {len(self._recorder)} samples'

@@ -55,6 +55,34 @@ def assert_same(first: JointSamples, second: JointSamples) -> None:
     np.testing.assert_array_equal(first.effort, second.effort)
 
 
+def test_the_end_of_a_disturbed_motion_is_kept_and_left_out_of_fits() -> None:
+    recorder = filled(10)  # half a second apart
+    recorder.end_disturbed()
+    recorder.add(message(105.0, [1.0, 1.0], [1.0, 2.0], [3.0, 4.0]))  # no more recorded
+    recorder.recording = True
+    for stamp in (106.0, 106.5):
+        recorder.add(message(stamp, [1.0, 1.0], [1.0, 2.0], [3.0, 4.0]))
+    (samples,) = recorder.samples('joint_states')
+    np.testing.assert_allclose(
+        samples.start_s + samples.t, [*(100.0 + 0.5 * np.arange(7)), 106.0, 106.5]
+    )
+    assert len(recorder.tracks('joint_states')[0].t) == 12
+    recorder.clear()
+    recorder.add(message(104.0, [1.0, 1.0], [1.0, 2.0], [3.0, 4.0]))
+    recorder.add(message(104.5, [1.0, 1.0], [1.0, 2.0], [3.0, 4.0]))
+    assert recorder.samples('joint_states')[0].n_samples == 2
+
+
+def test_a_recording_may_be_disturbed_from_its_start() -> None:
+    recorder = filled(2)
+    recorder.end_disturbed()
+    assert recorder.samples('joint_states') == []
+    recorder.recording = True
+    recorder.add(message(101.0, [1.0, 1.0], [1.0, 2.0], [3.0, 4.0]))
+    (samples,) = recorder.samples('joint_states')
+    assert (samples.start_s, samples.t.tolist()) == (101.0, [0.0])
+
+
 def test_nothing_is_kept_while_not_recording() -> None:
     recorder = filled(2)
     recorder.recording = False
@@ -66,6 +94,7 @@ def test_nothing_is_kept_while_not_recording() -> None:
         'rows': 2,
         'rows_saved': 0,
         'full': False,
+        'disturbed': 0,
         'joint_names': NAMES,
         'other_joints': [],
         'gaps': 0,
