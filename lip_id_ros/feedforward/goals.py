@@ -121,10 +121,10 @@ def cancelled_early() -> Outcome:
 
 
 def released() -> Outcome:
-    """Return the outcome of a goal that goes on while `serve` is deactivated or ends."""
+    """Return the outcome of a goal that goes on while `serve` is disabled, deactivated or ends."""
     sentence = (
-        'serve: the node was deactivated or ended, and has asked the controller to cancel the '
-        'goal.'
+        'serve: the node was disabled, deactivated or ended, and has asked the controller to '
+        'cancel the goal.'
     )
     return Outcome(Ending.ABORTED, ErrorCode.INVALID_GOAL, sentence)
 

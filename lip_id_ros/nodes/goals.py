@@ -93,7 +93,7 @@ class Goals:
             relay.watch(servers)
 
     def release(self) -> None:
-        """Have the controller cancel all goals, since nobody could through this node any more."""
+        """Have the controller cancel all goals: nobody wants their efforts, or can cancel them."""
         for relay in list(self._relays.values()):
             relay.release()
         for handle, _ in list(self._filled.values()):

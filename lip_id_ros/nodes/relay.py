@@ -81,6 +81,11 @@ class ControllerAction:
         """Whether a goal has ended by the newest list."""
         return status_of(self._statuses, bytes(goal_id.uuid)) in ENDINGS
 
+    def is_executed(self, goal_id: Any) -> bool:
+        """Whether a goal is executed by the newest list, and not being cancelled."""
+        status = status_of(self._statuses, bytes(goal_id.uuid))
+        return status == int(GoalStatus.STATUS_EXECUTING)
+
     def destroy(self) -> None:
         """Release what belongs to the node."""
         for client in self._clients:
@@ -145,7 +150,10 @@ class Relay:
         elif self._state.is_silent(now):
             self._end(goals.lost(action, 'has not answered'))
         elif self._state.is_forgotten(now):
-            self._end(goals.forgotten(action))
+            if self._action.is_executed(self.handle.goal_id):  # the request was lost or refused
+                self.cancel()
+            else:
+                self._end(goals.forgotten(action))
         elif self._state.lacks_result(self._action.is_over(self.handle.goal_id), now):
             self._ask_for_result()
 

@@ -283,6 +283,7 @@ class ServeNode(NodeBase, LifecycleNode):
         if enabled:
             self._server.enable()
         else:
+            self._inputs.release_goals()
             self._inputs.publish_zero()
             self._server.disable(time.monotonic())
 

@@ -20,12 +20,13 @@ from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTolerance, JointTrajectoryControllerState
 from lifecycle_msgs.msg import Transition
 from nodes import toy
+from nodes.ros_graph import graph
 import numpy as np
 from numpy.typing import ArrayLike
 import psutil
-from rclpy.action import ActionClient
+from rclpy.action import ActionClient, ActionServer, CancelResponse
 from rclpy.serialization import serialize_message
-from ros2_control.arm import commanded, plan, served, times
+from ros2_control.arm import commanded, Control, plan, served, times
 from ros2_control.test_plans import filled_by_serve
 from waiting import suspend
 
@@ -35,7 +36,6 @@ from lip_id_ros.nodes import messages
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Process
-    from ros2_control.arm import Control
 
 pytestmark = [pytest.mark.ros, pytest.mark.ros2_control]
 
@@ -61,6 +61,9 @@ class Sender:
         assert handle.accepted
         self._results[bytes(handle.goal_id.uuid)] = handle.get_result_async()
         return handle
+
+    def is_over(self, handle: Any) -> bool:
+        return bool(self._results[bytes(handle.goal_id.uuid)].done())
 
     def result(self, handle: Any) -> tuple[str, Any]:
         asked = self._results[bytes(handle.goal_id.uuid)]
@@ -224,10 +227,67 @@ def test_goals_end_with_the_node_that_was_asked(control: Control, sender: Sender
     ending, result = sender.result(handle)
     assert ending == 'aborted'
     assert (
-        'was deactivated or ended, and has asked the controller to cancel' in result.error_string
+        'disabled, deactivated or ended, and has asked the controller to cancel'
+        in result.error_string
     )
     assert control.client.transition(Transition.TRANSITION_ACTIVATE)
     assert sender.run(goal())[0] == 'succeeded'
+
+
+def test_goals_end_where_the_node_is_disabled(control: Control, sender: Sender) -> None:
+    """Their efforts are in the controller: it would go on with them."""
+    control.use('arm')
+    states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+    handle = sender.send(goal((1.0, 1.0), seconds=60.0))
+    control.client.wait_until(
+        lambda: states and states[-1].reference.velocities[0] > 0.0, 'motion'
+    )
+    assert control.client.switch('/serve/enable', False).success
+    ending, result = sender.result(handle)
+    assert control.client.switch('/serve/enable', True).success
+    assert ending == 'aborted'
+    assert 'the node was disabled' in result.error_string
+    control.client.wait_until(lambda: not any(states[-1].reference.velocities), 'standstill')
+
+
+def test_a_cancel_that_the_controller_refuses_is_asked_for_again(
+    tmp_path: Path, model_path: str
+) -> None:
+    """The arm moves on: the goal is not called cancelled until it is."""
+    answers, begun = [CancelResponse.REJECT, CancelResponse.ACCEPT], []
+
+    def begin(handle: Any) -> None:
+        begun.append(handle)
+        handle.executing()
+
+    action = '/arm/follow_joint_trajectory'
+    with graph(tmp_path) as (made, client):
+        controller = ActionServer(
+            client.node,
+            FollowJointTrajectory,
+            action,
+            execute_callback=None,
+            handle_accepted_callback=begin,
+            cancel_callback=lambda handle: answers.pop(0),
+        )
+        serve = made.start(
+            'serve', model_path=model_path, torque_limits=[toy.LIMIT], controller_action=action
+        )
+        sender = Sender(Control(made, client, serve))
+        client.status('serve', lambda status: status['summary'] == 'answering')
+        handle = sender.send(goal((1.0, 1.0), seconds=60.0))
+        client.wait_until(lambda: begun, 'goal at the controller')
+        sender.cancel(handle)
+        client.wait_until(
+            lambda: begun[0].is_cancel_requested or sender.is_over(handle), 'another cancel'
+        )
+        stopped = FollowJointTrajectory.Result(error_string='stopped')
+        assert not sender.is_over(handle)
+        client.node.executor.create_task(begun[0].canceled, stopped)
+        ending, result = sender.result(handle)
+        assert (ending, result.error_string) == ('canceled', 'stopped')
+        sender.destroy()
+        client.node.executor.create_task(controller.destroy)
 
 
 def test_a_goal_that_the_controller_has_not_answered_ends_with_the_node(
@@ -375,7 +435,7 @@ def test_a_long_goal_is_overtaken_or_cancelled_while_it_is_filled(
     assert control.client.transition(Transition.TRANSITION_DEACTIVATE)
     ending, result = sender.result(handle)
     assert ending == 'aborted'
-    assert 'was deactivated or ended' in result.error_string
+    assert 'disabled, deactivated or ended' in result.error_string
     assert control.client.transition(Transition.TRANSITION_ACTIVATE)
     assert sender.run(goal(n_points=500))[0] == 'succeeded'
     counted = counts(control, 5)
@@ -452,7 +512,7 @@ def test_sigterm_ends_goals_that_are_executed_or_filled(
         serve.send(signal.SIGTERM)
         ending, result = sender.result(executed)
         assert ending == 'aborted'
-        assert 'was deactivated or ended' in result.error_string
+        assert 'disabled, deactivated or ended' in result.error_string
         assert serve.wait() == 0
         assert not filling.is_running()
         control.client.wait_until(lambda: not any(states[-1].reference.velocities), 'standstill')
