@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from benchmarks._drives import RandomArm, WIDTH
 from lip_id_ros.arrays import Array
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
-FREQUENCIES, ITERATIONS, LEAST_NOISE = 300, 40, 1e-3
+FREQUENCIES, ITERATIONS, LEAST_NOISE = 200, 30, 1e-3
 """Of the sparse spectrum, steps of its likelihood, and least noise in deviations of a torque."""
 
 WIDE, LEAST_SIZE = 1e6, 1e-8
@@ -97,25 +98,27 @@ class Spectrum(NamedTuple):
 
 
 def sparse_spectrum(
-    states: tuple[Array, Array, Array], tau: Array, first: int, fading: float
-) -> Array:
+    states: tuple[Array, Array, Array], tau: Array, first: int, fadings: Sequence[float]
+) -> list[Array]:
     """
     Predict torques (N, n) by Gaussian processes, one after the other, and learn from each.
 
     `states`: q, dq, ddq, each (N, n). `first`: how many samples choose the hyperparameters.
+    `fadings`: what is forgotten in a step, for each of the results.
 
     """
     inputs, rng = np.hstack(states), np.random.default_rng(0)
     inputs = (inputs - inputs[:first].mean(axis=0)) / inputs[:first].std(axis=0)
     drawn = rng.standard_normal((FREQUENCIES, inputs.shape[1]))
-    found = np.empty_like(tau)
+    found = [np.empty_like(tau) for _ in fadings]
     for j, torque in enumerate(tau.T):
         mean, std = torque[:first].mean(), torque[:first].std()
         scaled = (torque - mean) / std
-        own = Spectrum.fitted(inputs[:first], scaled[:first], drawn[: FREQUENCIES // 3])
+        own = Spectrum.fitted(inputs[:first], scaled[:first], drawn[: FREQUENCIES // 2])
         rows = own.features(inputs, drawn) / own.noise
-        predicted = least_squares(rows, scaled / own.noise, np.ones(rows.shape[1]), fading)
-        found[:, j] = mean + std * own.noise * predicted
+        for out, fading in zip(found, fadings, strict=True):
+            predicted = least_squares(rows, scaled / own.noise, np.ones(rows.shape[1]), fading)
+            out[:, j] = mean + std * own.noise * predicted
     return found
 
 

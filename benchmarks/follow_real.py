@@ -15,26 +15,23 @@ import time
 
 import numpy as np
 
-from benchmarks._real import ARMS, OTHERS, RawRecordings
+from benchmarks._real import ARMS, OTHERS
 from lip_id_ros.adaptation.adaptation import Adaptation, Followed
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.evaluation.metrics import nmse_percent
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.preprocessing import for_training, preprocess
-from lip_id_ros.recording import read_sources
 from lip_id_ros.settings import PreprocessingSettings
 from lip_id_ros.workflow.fit import fit
 
 PAUSE_S = 60.0
 """Between two recordings, where it is not known."""
 
-UR10 = 'UR10, exciting and validation'
-
 
 def main(arguments: list[str]) -> int:
     """Print a line for each recording, and one for each arm."""
-    names = [*ARMS, *OTHERS, UR10]
+    names = [*ARMS, *OTHERS]
     parser = argparse.ArgumentParser(prog='benchmarks follow_real', description=__doc__)
     parser.add_argument('data', type=Path, help='folder of the recordings')
     parser.add_argument('--arms', nargs='+', choices=names, default=names)
@@ -50,12 +47,7 @@ def main(arguments: list[str]) -> int:
 
 def recordings(name: str, folder: Path) -> tuple[Dataset, list[Dataset]]:
     """Return samples to fit, and recordings to follow."""
-    if name == UR10:
-        raw = ARMS['UR10'].load(folder)
-        path = folder / 'unisa_ros2_bags/ur10_validation'
-        raw = RawRecordings([*raw.samples, *read_sources([path], raw.recording)], raw.recording)
-    else:
-        raw = (ARMS[name].load if name in ARMS else OTHERS[name])(folder)
+    raw = (ARMS[name].load if name in ARMS else OTHERS[name])(folder)
     first, *others = (preprocess(each, recording=raw.recording) for each in raw.samples)
     if not others:
         first, last = first.split(0.5)

@@ -95,10 +95,11 @@ def rivals(seed: int, data: Dataset, first: int) -> dict[str, Array]:
     """Return torques (N, n) that rivals predict of all samples but the `first`."""
     arm, states = random_arm(N_JOINTS, seed), (data.q, data.dq, data.ddq)
     noise = NOISE * arm.torque(*states).std(axis=0)
+    kept, fading = sparse_spectrum(states, data.tau, first, (0.0, FADING))
     return {
         'true regressor': true_regressor(arm, states, data.tau, noise, FADING)[first:],
-        'spectrum': sparse_spectrum(states, data.tau, first, 0.0)[first:],
-        'fading spectrum': sparse_spectrum(states, data.tau, first, FADING)[first:],
+        'spectrum': kept[first:],
+        'fading spectrum': fading[first:],
     }
 
 

@@ -51,5 +51,5 @@ def test_a_sparse_spectrum_learns_a_smooth_torque() -> None:
     motion = states(60.0)
     clean = np.stack([np.sin(motion[0][:, 0]), motion[1][:, 1] ** 2], axis=1)
     tau = clean + NOISE * np.random.default_rng(3).standard_normal(clean.shape)
-    found = sparse_spectrum(motion, tau, 300, 0.0)
+    (found,) = sparse_spectrum(motion, tau, 300, [0.0])
     assert (np.mean((found - clean)[600:] ** 2, axis=0) < 0.01 * clean.var(axis=0)).all()
