@@ -146,6 +146,14 @@ def served(folder: Path, parameters: Path, model_path: str) -> Iterator[Control]
         yield made
 
 
+def hear_until_now(control: Control, states: list[Any]) -> None:
+    """Wait until states have come that are younger than this call: they may be seconds late."""
+    now = control.client.node.get_clock().now().nanoseconds
+    control.client.wait_until(
+        lambda: states and messages.nanoseconds(states[-1].header.stamp) > now, 'states'
+    )
+
+
 def way(
     start: Sequence[float], end: Sequence[float], seconds: float, n_points: int = 11
 ) -> tuple[Array, Array, Array, Array]:

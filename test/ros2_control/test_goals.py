@@ -26,13 +26,12 @@ from numpy.typing import ArrayLike
 import psutil
 from rclpy.action import ActionClient, ActionServer, CancelResponse
 from rclpy.serialization import serialize_message
-from ros2_control.arm import commanded, Control, plan, served, times
+from ros2_control.arm import commanded, Control, hear_until_now, plan, served, times
 from ros2_control.test_plans import filled_by_serve
 from waiting import suspend
 
 from benchmarks._mock_controller import GAINS
 from lip_id_ros.feedforward.goals import ErrorCode
-from lip_id_ros.nodes import messages
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Process
@@ -335,14 +334,6 @@ def limited(control: Control) -> Iterator[list[float]]:
 
 def is_at(states: list[Any], end: list[float]) -> bool:
     return bool(states) and list(states[-1].reference.positions) == end
-
-
-def hear_until_now(control: Control, states: list[Any]) -> None:
-    """Wait until states have come that are younger than this call: they may be seconds late."""
-    now = control.client.node.get_clock().now().nanoseconds
-    control.client.wait_until(
-        lambda: states and messages.nanoseconds(states[-1].header.stamp) > now, 'states'
-    )
 
 
 def hold_little(

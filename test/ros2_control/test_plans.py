@@ -15,7 +15,15 @@ from control_msgs.msg import JointTrajectoryControllerState
 from nodes import toy
 from nodes.test_serve import REFERENCE
 import numpy as np
-from ros2_control.arm import commanded, efforts, plan, published_effort, RATE_HZ, times
+from ros2_control.arm import (
+    commanded,
+    efforts,
+    hear_until_now,
+    plan,
+    published_effort,
+    RATE_HZ,
+    times,
+)
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
@@ -35,12 +43,22 @@ def filled_by_serve(control: Control, asked: JointTrajectory) -> JointTrajectory
     """Have `serve` fill a plan, which it publishes to the controller `arm`."""
     filled = control.client.listen(JointTrajectory, '/arm/joint_trajectory')
     control.client.speak(JointTrajectory, REFERENCE).publish(asked)
-    control.client.wait_until(lambda: filled, 'plan')
-    return filled[0]
+    end = list(asked.points[-1].positions)
+
+    def answers() -> list[JointTrajectory]:
+        # what a test before sent to the controller may come late
+        return [each for each in list(filled) if list(each.points[-1].positions) == end]
+
+    control.client.wait_until(answers, 'plan')
+    return answers()[0]
 
 
 def states_of(control: Control, name: str) -> list[Any]:
-    return control.client.listen(JointTrajectoryControllerState, f'/{name}/controller_state')
+    """Collect states of an active controller from now on, without late ones of a test before."""
+    states = control.client.listen(JointTrajectoryControllerState, f'/{name}/controller_state')
+    hear_until_now(control, states)
+    states.clear()
+    return states
 
 
 def in_plan(state: Any) -> float:
@@ -227,12 +245,16 @@ def test_a_deactivated_controller_commands_nothing_and_resumes_nothing(control: 
     wait_for(control, states, lambda state: state.reference.velocities[0] > 0.0)
     joint_states = control.client.listen(JointState, '/joint_states')
     assert control.switch(deactivate=['arm'])
+    hear_until_now(control, joint_states)
     control.client.wait_until(
         lambda: joint_states and not published_effort(joint_states[-1]).any(), 'no effort'
     )
-    states.clear()
+    switched = control.client.node.get_clock().now().nanoseconds
     assert control.switch(['arm'])
-    held = wait_for(control, states, lambda state: list(state.output.effort) == [0.0, 0.0])
+    held = wait_for(
+        control, states, lambda state: messages.nanoseconds(state.header.stamp) > switched
+    )
+    assert list(held.output.effort) == [0.0, 0.0]
     assert held.reference.positions == held.feedback.positions
 
 
