@@ -254,7 +254,7 @@ def test_a_deactivated_controller_commands_nothing_and_resumes_nothing(control: 
     held = wait_for(
         control, states, lambda state: messages.nanoseconds(state.header.stamp) > switched
     )
-    assert list(held.output.effort) == [0.0, 0.0]
+    assert list(held.output.effort) == [0.0, 0.0], held
     assert held.reference.positions == held.feedback.positions
 
 
