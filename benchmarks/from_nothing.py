@@ -82,7 +82,9 @@ def _run(cell: Cell, options: argparse.Namespace) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         ended = _executed(cell, motion, arm, folder, options)
-        outcome = json.loads((folder / 'outcome.json').read_text())
+        outcome, path = {'blocked': None}, folder / 'outcome.json'
+        if path.exists():  # else no motion has ended
+            outcome = json.loads(path.read_text())
         found = {'ended': ended['summary'], 'size': ended['size'], **outcome}
         if outcome['blocked'] is not None:
             return {**found, 'to_cancel_ms': 1e3 * (outcome['cancelled'] - outcome['blocked'])}
