@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from benchmarks._coupled import ARMS, coupled_arm, NOISE, recorded
 from benchmarks.couplings import line
-from lip_id_ros.identification.arm_fit import ArmFitter
-from lip_id_ros.identification.arm_search import find_placements
-from lip_id_ros.identification.coupling_search import promising
-from lip_id_ros.progress import silent
 
 
 def test_a_seed_has_the_same_links_whatever_the_couplings() -> None:
@@ -28,13 +23,6 @@ def test_motions_repeat_or_do_not_and_torques_have_noise() -> None:
         assert train.tau_noiseless is not None
         noise = (train.tau - train.tau_noiseless).std(axis=0)
         np.testing.assert_allclose(noise, NOISE * test.tau.std(axis=0), rtol=0.1)
-
-
-@pytest.mark.slow
-def test_of_ratios_that_short_descents_order_wrongly_the_right_one_is_tried() -> None:
-    couplings = ARMS['parallelogram']
-    train, _ = recorded(coupled_arm(couplings, 1), False, 1)
-    assert promising(*find_placements(ArmFitter(train), 0, silent)) == couplings[0]
 
 
 def test_a_line_counts_what_was_found_as_it_is() -> None:

@@ -9,11 +9,13 @@ from gp.chains import ChainArm, R, random_arm
 import numpy as np
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch, find_placements
 from lip_id_ros.identification.coupling_search import (
     _left_out_squares,
+    EVALUATIONS,
     find_couplings,
     predicts_better,
     promising,
@@ -21,7 +23,8 @@ from lip_id_ros.identification.coupling_search import (
 )
 from lip_id_ros.identification.fitting import fit
 from lip_id_ros.identification.folds import recurrent_folds
-from lip_id_ros.identification.placement_search import calibration_at
+from lip_id_ros.identification.kinematic_calibration import Samples
+from lip_id_ros.identification.placement_search import Calibration, calibration_at
 from lip_id_ros.progress import silent
 from lip_id_ros.rigid_body.couplings import Coupling, couplings_of, rows_of
 from lip_id_ros.settings import FitSettings
@@ -72,6 +75,25 @@ def test_efforts_of_coupled_motors_are_no_coupled_positions() -> None:
 def test_an_arm_whose_residuals_are_small_is_not_searched() -> None:
     search = ArmSearch(ArmFitter(recording(arm_of(seed=3), noise=1e-3)))
     assert promising(search, search.calibrated(0, silent)) is None
+
+
+def test_ratios_that_short_descents_order_wrongly_descend_farther(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Short descents gave -2/3 the lowest cost of a parallelogram, and farther ones -1."""
+    search = ArmSearch(ArmFitter(recording(arm_of(seed=3), noise=0.1)))
+    chain = arm_of(seed=3).chain
+    calibration = calibration_at(chain, search.search_samples())
+
+    def lowest_cost(samples: Samples, noise: Array, found: Calibration, evaluations: int) -> float:
+        (ratio,) = samples.couplings[:, 2] if samples.couplings.size else (0.0,)
+        best = -1.0 if evaluations > EVALUATIONS else -0.7
+        return float(10.0 + abs(ratio - best) + samples.couplings[:, 0].sum())
+
+    monkeypatch.setattr('lip_id_ros.identification.coupling_search._lowest_cost', lowest_cost)
+    monkeypatch.setattr('lip_id_ros.identification.coupling_search.HINT', -np.inf)
+    monkeypatch.setattr('lip_id_ros.identification.coupling_search.PROBE', -np.inf)
+    assert promising(search, calibration) == Coupling(1, 0, -1.0)
 
 
 @pytest.mark.slow
