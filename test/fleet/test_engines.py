@@ -279,8 +279,9 @@ def test_a_cluster_that_dies_in_mid_fit_is_one_sentence(name: str, tmp_path: Pat
         capture_output=True,
         text=True,
         env=os.environ | {'PYTHONPATH': import_paths()},
-        check=True,
+        check=False,
     )
+    assert done.returncode == 0, done.stderr
     said = 'the Ray cluster was expected to answer until the fit is done, but nobody listens at'
     (line,) = (each for each in done.stdout.splitlines() if each.startswith(said))
     assert line.endswith('the engine local, from what the cache has.')
