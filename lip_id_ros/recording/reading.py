@@ -275,7 +275,7 @@ def _by_form(channels: Sequence[Channel]) -> Iterator[tuple[Channel, IndexArray]
     """Yield the numbers of those that are read alike, with one of them."""
     numbers = np.array([*map(id, channels)])  # each file has one object for each
     forms: dict[tuple[str, ...], list[int]] = {}
-    for first in np.unique(numbers, return_index=True)[1]:
+    for first in sorted(np.unique(numbers, return_index=True)[1].tolist()):
         forms.setdefault(channels[first].form, []).append(first)
     for some in forms.values():
         yield channels[some[0]], np.flatnonzero(np.isin(numbers, numbers[some]))

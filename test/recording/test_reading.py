@@ -26,6 +26,8 @@ from recording.bag_files import (
 
 from lip_id_ros.errors import SourceError
 from lip_id_ros.recording import JointSamples, read_bag, read_sources, Reason
+from lip_id_ros.recording.reading import _by_form
+from lip_id_ros.recording.storage.contents import Channel
 from lip_id_ros.settings import RecordingSettings
 
 EVERY_KIND = ('folder.db3', 'folder.mcap', 'bare.db3', 'bare.mcap', 'ros1.bag')
@@ -338,3 +340,11 @@ def test_messages_without_velocity_and_effort_are_counted_once(tmp_path: Path) -
     samples = read_bag(write_folder(tmp_path / 'bag', states))
     assert samples.n_samples == 17
     assert samples.counts == {Reason.NO_VELOCITY: 2, Reason.NO_EFFORT: 1}
+
+
+def test_messages_come_in_the_order_of_the_file_wherever_their_channels_are_in_memory() -> None:
+    made = [Channel(0, '/joint_states', JOINT_STATE, 'cdr', str(k), 1) for k in range(5)]
+    channels = sorted(made, key=id, reverse=True)
+    assert [channel for channel, _ in _by_form([*channels, *channels])] == channels
+    rows = np.array([rows for _, rows in _by_form([*channels, *channels])])
+    np.testing.assert_array_equal(rows, np.arange(10).reshape(2, 5).T)
