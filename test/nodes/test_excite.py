@@ -65,6 +65,12 @@ def begin(client: Client) -> None:
     client.wait_until(lambda: client.trigger('/excite/start').success, 'the start')
 
 
+def begin_to_move(client: Client) -> None:
+    begin(client)
+    client.status('excite', lambda status: status['stage'] == 'moving')
+    client.wait_until(lambda: np.abs(position(client)).max() > 0.01, 'a motion')
+
+
 def position(client: Client) -> np.ndarray:
     return np.array(client.received['/joint_states'][-1].position)
 
@@ -125,9 +131,7 @@ def test_a_blocked_joint_stops_the_motion(ros: Ros, tmp_path: Path) -> None:
 def test_an_arm_that_falls_silent_stops_the_motion(ros: Ros, tmp_path: Path) -> None:
     _, client = ros
     arm = started(ros, tmp_path, stale_timeout_s=0.5)
-    begin(client)
-    client.status('excite', lambda status: status['stage'] == 'moving')
-    client.wait_until(lambda: np.abs(position(client)).max() > 0.01, 'a motion')
+    begin_to_move(client)
     arm.hold()
     ended = client.status('excite', lambda status: status['stage'] == 'stopped')
     assert 'no joint state for' in ended['summary']
@@ -178,10 +182,8 @@ def test_a_killed_node_leaves_the_arm_to_its_controller_and_the_data_to_train(
 ) -> None:
     graph, client = ros
     started(ros, tmp_path, rounds=1)
-    begin(client)
-    client.status('excite', lambda status: status['stage'] == 'moving')
+    begin_to_move(client)
     excite = graph.processes[-1]
-    client.wait_until(lambda: np.abs(position(client)).max() > 0.01, 'a motion')
     assert excite.end(signal.SIGTERM) == 0
     await_hold(client)
 
@@ -193,9 +195,7 @@ def test_a_train_that_falls_silent_stops_the_motion(
     graph, client = ros
     started(ros, tmp_path)
     train = graph.processes[1]
-    begin(client)
-    client.status('excite', lambda status: status['stage'] == 'moving')
-    client.wait_until(lambda: np.abs(position(client)).max() > 0.01, 'a motion')
+    begin_to_move(client)
     train.send(number)
     ended = client.status('excite', lambda status: status['stage'] == 'stopped')
     assert '/train is silent for 5 s' in ended['summary']
@@ -218,9 +218,7 @@ def test_a_train_that_falls_silent_while_it_fits_is_not_awaited(ros: Ros, tmp_pa
 def test_a_killed_arm_ends_in_a_sentence(ros: Ros, tmp_path: Path) -> None:
     _, client = ros
     arm = started(ros, tmp_path, stale_timeout_s=0.5)
-    begin(client)
-    client.status('excite', lambda status: status['stage'] == 'moving')
-    client.wait_until(lambda: np.abs(position(client)).max() > 0.01, 'a motion')
+    begin_to_move(client)
     arm.send(signal.SIGKILL)
     ended = client.status('excite', lambda status: status['stage'] == 'stopped')
     assert 'no joint state for' in ended['summary'] or 'has ended' in ended['summary']
