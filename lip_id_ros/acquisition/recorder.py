@@ -100,6 +100,8 @@ class Recorder(Sections):
         return [each for each in found if each.n_samples]
 
     def _undisturbed(self, samples: JointSamples) -> JointSamples:
+        if not self._disturbed:
+            return samples
         stamps = samples.start_ns + np.round(samples.t * NANOSECONDS).astype(np.int64)
         keep = np.ones(samples.n_samples, dtype=np.bool_)
         for first, last in self._disturbed:

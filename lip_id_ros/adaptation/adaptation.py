@@ -302,11 +302,8 @@ class Adaptation:
         torque, slopes = self.arm.linearised(self.numbers, q, dq, ddq, history)
         frozen = self.arm.fitted_torque(q, dq, ddq, history)
         noise = self._inflations * np.square(self.arm.noise.std_at(dq))
-        rests, stuck = (
-            (np.abs(dq) < NEAR_REST * self.arm.speed) | left_out,
-            self._stuck(t, measured),
-        )
-        stuck &= ~rests
+        rests = (np.abs(dq) < NEAR_REST * self.arm.speed) | left_out
+        stuck = self._stuck(t, measured) & ~rests
         rests |= stuck
         mean = self.numbers[active]
         predicted, variance, outcome = np.empty_like(q), np.empty_like(q), np.empty(len(q))

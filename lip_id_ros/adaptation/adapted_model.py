@@ -29,17 +29,16 @@ class AdaptedModel:
     An update is refused, counted by reason, that is not finite, not of this model, not newer, no
     arm that can exist, or further from the fit than is followed. The commissioned model comes back
     when updates stop, where one says that it is worse, and when `go_back` is called. Torques are
-    blended; times are on any steady clock [s]. `fingerprint`: of the fitted model that updates are
-    about, where `model` was changed since. ModelError if the model is no arm.
+    blended, with friction as drives have it; times are on any steady clock [s]. ModelError if the
+    model is no arm.
 
     """
 
-    def __init__(
-        self, model: InverseDynamicsModel, rules: FollowRules, fingerprint: str = ''
-    ) -> None:
+    def __init__(self, fitted: InverseDynamicsModel, rules: FollowRules) -> None:
+        model = fitted.with_rise_time(0.0)
         self.rules, self._model = rules, model
         self._arm = FollowedArm(model, WalkSettings())
-        self._walk, self._hash = self._arm.walk, fingerprint or model.fingerprint
+        self._walk, self._hash = self._arm.walk, fitted.fingerprint
         self._slopes = self._slopes_of_torques(model)
         self._mean = ChangingArmMean(self._arm.arm, model.residual_gp)
         self._memory = model.running_memory()

@@ -55,10 +55,11 @@ def show_lines(texts: Iterable[str], console: Console) -> None:
 
 def error_table(evaluation: Evaluation, title: str = 'Errors') -> Table:
     """Return errors and coverage of every joint, their means, and errors of the energies."""
+    units = [TORQUE_UNITS[kind] for kind in evaluation.joint_types]
     columns = zip(
         evaluation.joint_names,
         evaluation.nmse_percent,
-        (TORQUE_UNITS[kind] for kind in evaluation.joint_types),
+        units,
         evaluation.rmse,
         evaluation.torque_std,
         strict=True,
@@ -70,7 +71,6 @@ def error_table(evaluation: Evaluation, title: str = 'Errors') -> Table:
     header = ['', 'nMSE [%]', 'RMSE', 'std of torque']
     if evaluation.rest is not None:
         header[3:3] = ['in motion', 'near rest']
-        units = [TORQUE_UNITS[kind] for kind in evaluation.joint_types]
         parts = evaluation.rest.in_motion, evaluation.rest.near_rest
         for row, unit, *values in zip(rows, units, *parts, strict=True):
             row[3:3] = ['-' if math.isnan(each) else f'{each:.3g} {unit}' for each in values]

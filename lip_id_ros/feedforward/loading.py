@@ -148,8 +148,7 @@ def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
         model.predict(rest, rest, rest)
         adapted = None
         if settings.follow_adaptation:
-            rules = follow_rules(settings, model.joint_names)
-            adapted = AdaptedModel(model, rules, fitted.fingerprint)
+            adapted = AdaptedModel(fitted, follow_rules(settings, model.joint_names))
         deviations = None
         if settings.needs_deviations:
             deviations = Deviations(file.place, model.n_joints, [file.descriptor])

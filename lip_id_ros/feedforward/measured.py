@@ -29,7 +29,8 @@ class MeasuredArm:
         self._reader = JointStateReader(loaded.joint_names, loaded.calibration)
         self._stamps = StampWatch(LONGEST_STEP_S)
         self._cutoff_hz, self._low_pass = cutoff_hz, LowPass(cutoff_hz)
-        self._newest = self._filtered = loaded.newest
+        self._newest: DynamicsModel | None = None
+        self._filtered = loaded.newest
 
     def adjust(self, cutoff_hz: float) -> None:
         """Use another cut-off [Hz]; the low-pass begins anew then."""
@@ -72,6 +73,6 @@ class MeasuredArm:
         newest = self._loaded.newest
         if newest is not self._newest:
             self._newest = self._filtered = newest
-        if self._filtered is newest and isinstance(newest, InverseDynamicsModel):
-            self._filtered = newest.with_rise_time(self._loaded.rise_time)
+            if isinstance(newest, InverseDynamicsModel):
+                self._filtered = newest.with_rise_time(self._loaded.rise_time)
         return self._filtered

@@ -54,6 +54,11 @@ class DahlFriction(NamedTuple):
             float(basis.rise_time),
         )
 
+    def largest(self, n_joints: int) -> Array:
+        """Return the largest torque of each joint that its history decides, (n,) [N m or N]."""
+        sizes = np.abs(self.ratio) * self.coefficient
+        return np.bincount(self.joint, weights=sizes, minlength=n_joints)
+
     def torque(self, dq: Array, ddq: Array, states: Array) -> Array:
         """Return the torques (N, n) [N m or N] of `dahl_states` at velocities (N, n)."""
         return np.asarray(_torque(self, dq, ddq, states))

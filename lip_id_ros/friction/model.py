@@ -218,16 +218,6 @@ class FrictionModel:
         """Return the same friction after another low-pass, 0 for none."""
         return FrictionModel(replace(self.basis, rise_time=rise_time), self.coefficients)
 
-    @property
-    def remembered(self) -> Array:
-        """Return the torques of every joint that depend on the history at most, shape (n,)."""
-        out = np.zeros(self.n_joints)
-        for part, place in zip(self.basis.terms, self.basis.slices, strict=True):
-            if isinstance(part.term, Dahl) and len(part.drive.joints) == 1:
-                share = abs(part.drive.ratios[0])
-                out[part.drive.joints[0]] += share * float(self.coefficients[place.start])
-        return out
-
     @cached_property
     def _loaded(self) -> FrictionModel:
         """The terms that depend on the load."""

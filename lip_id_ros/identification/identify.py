@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.dahl_friction import DahlFriction
 from lip_id_ros.friction.noise import estimate_noise, sticking_noise, TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
 from lip_id_ros.identification.arm_search import ArmSearch, find_placements
@@ -127,13 +128,14 @@ def prediction_noise(
     """
     signs = squares_of_signs(fitter.dataset, fit)
     noise = _of_single_states(fitter.dataset, fit, noise)
-    remembered = fit.friction.remembered
+    replaced = np.zeros(noise.std.shape, dtype=np.bool_)
     if residual_gp is not None:
-        remembered = np.where(residual_gp.replaces, 0.0, remembered)
-        own = np.sqrt(residual_gp.left_out_std**2 + np.where(residual_gp.replaces, 0.0, signs))
+        replaced = residual_gp.replaces
+        own = np.sqrt(residual_gp.left_out_std**2 + np.where(replaced, 0.0, signs))
         noise = replace(noise, std=np.where(residual_gp.joints, own, noise.std))
     some = fitter.some(MOST_SAMPLES)
     load = links_torque(fit.chain, fit.links, some)
+    remembered = DahlFriction.of(fit.friction, replaced).largest(replaced.size)
     return sticking_noise(noise, fit.friction, some.q, some.ddq, load, remembered)
 
 

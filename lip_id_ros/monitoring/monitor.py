@@ -169,8 +169,7 @@ class Monitor:
         self._trained = model.training_range
         self._adapted: AdaptedModel | None = None
         if settings.follow_adaptation:
-            rules = follow_rules(settings, model.joint_names)
-            self._adapted = AdaptedModel(model, rules, fitted.fingerprint)
+            self._adapted = AdaptedModel(fitted, follow_rules(settings, model.joint_names))
         self._predictor: Predictor = self._adapted or model
         self._predictor.predict(*np.zeros((3, 1, model.n_joints)))  # compiled now
         self._reader = JointStateReader(model.joint_names, model.effort_calibration)

@@ -110,18 +110,19 @@ def test_what_a_joint_remembers_of_its_friction_is_no_noise() -> None:
         DriveTerm(drive, term) for drive in drives for term in (Coulomb(0.01), Dahl(0.01, 0.01))
     )
     friction = FrictionModel(FrictionBasis(2, terms), np.array([3.0, 2.0, 3.0, 4.0]))
-    np.testing.assert_array_equal(friction.remembered, [2.0, 4.0])
+    past = DahlFriction.of(friction, np.zeros(2, dtype=bool))
+    remembered = past.largest(2)
+    np.testing.assert_array_equal(remembered, [2.0, 4.0])
     zero, noise = np.zeros((1, 2)), TorqueNoise.constant(np.full(2, 0.1))
-    got = sticking_noise(noise, friction, zero, zero, zero, friction.remembered)
+    got = sticking_noise(noise, friction, zero, zero, zero, remembered)
     whole = sticking_noise(noise, friction, zero, zero, zero)
     # the Coulomb torque of its smooth sign, without what is remembered
     coulomb = np.sqrt(3.0) * whole.stuck
     np.testing.assert_allclose(got.stuck, [(coulomb[0] - 2.0) / np.sqrt(3.0), 0.0], rtol=1e-2)
     np.testing.assert_allclose(coulomb, 3.0, rtol=0.1)
     # nothing is known of single states
-    past = DahlFriction.of(friction, np.zeros(2, dtype=bool))
     unknown = past.unknown_std(zero, zero, np.ones((1, 2, len(DISPLACEMENTS))))
-    np.testing.assert_allclose(unknown[0], friction.remembered)
+    np.testing.assert_allclose(unknown[0], remembered)
 
 
 def test_sample_selection_count_for_less_the_farther_out() -> None:
