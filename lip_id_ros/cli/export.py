@@ -105,6 +105,7 @@ def run(args: argparse.Namespace) -> None:
         name: formatted(name, exported, template if name == 'urdf' else None) for name in targets
     }
     header = None if args.solver_package is None else formatted(HEADER, exported)
+    package = {} if header is None else solver_package(exported.arm, header.text)
     agreements = {}
     for format_name, file in files.items():
         file.save(output.destination(targets[format_name]))
@@ -115,7 +116,7 @@ def run(args: argparse.Namespace) -> None:
             agreements[format_name] = agreement
         lines += file.left_out
     if header is not None:
-        save(solver_package(exported.arm, header.text), args.solver_package)
+        save(package, args.solver_package)
         show_lines([f'Written: {args.solver_package}'], console)
         if args.check and HEADER not in agreements:
             agreements[HEADER] = header.check(model, STATES)

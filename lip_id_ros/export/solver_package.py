@@ -16,6 +16,8 @@ from lip_id_ros.files import write_whole
 
 MARK = b'identified by lip_id_ros'
 SUFFIX = '_inverse_dynamics_solver'
+LONGEST_NAME = 200
+"""Of an arm: names of files have 255 bytes at most, and those of the package are longer."""
 
 
 class _Text(Template):
@@ -28,7 +30,17 @@ def package_name(name: str) -> str:
 
 
 def solver_package(arm: ArmDescription, header: str) -> Mapping[str, str]:
-    """Return the files of the package by their paths in it; `header`: the arm in C."""
+    """
+    Return the files of the package by their paths in it; `header`: the arm in C.
+
+    ConfigError if the name of the arm is too long for names of files.
+
+    """
+    if len(arm.name) > LONGEST_NAME:
+        raise ConfigError(
+            f'the name of an arm must have {LONGEST_NAME} letters at most in a package, not '
+            f'{len(arm.name)}; give a shorter --name.'
+        )
     package, folder = package_name(arm.name), resources.files(__package__)
     joints = [f'//   {n}: {printable(name)}' for n, name in enumerate(arm.joint_names)]
     values = {

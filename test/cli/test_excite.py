@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+import re
 
 from cli.conftest import Capture, lip_id
 from excitation.cases import ARM
@@ -65,6 +66,21 @@ def test_a_demand_that_leaves_no_motion_gets_a_sentence(files: Path, capsys: Cap
         "lip_id: error: the posture of joint 'lift' must be between its position limits -0.85 and "
         '1.85, but is 3; move it, or widen motion.lower and motion.upper.\n'
     )
+
+
+def test_without_a_urdf_the_settings_need_what_the_page_names(
+    files: Path, capsys: Capture
+) -> None:
+    page = ' '.join((ROOT / 'docs/reference/excitation.md').read_text().split())
+    _, _, named = page.partition('Without a URDF, `excite.yaml` must name ')
+    values = {'joints': '[a]', 'lower': '[-1]', 'upper': '[1]', 'velocity': '[1]'}
+    assert re.findall(r'`motion\.(\w+)`', named.partition('. ')[0]) == list(values)
+    for missing in (None, *values):
+        given = ', '.join(f'{key}: {value}' for key, value in values.items() if key != missing)
+        (files / 'excite.yaml').write_text(QUICK.replace('motion: {', f'motion: {{{given}, '))
+        status = main(['excite', '--config', 'excite.yaml', '-o', 'm.csv', '--force'])
+        said = capsys.readouterr().err
+        assert (status, f'motion.{missing} ' in said) == ((1, True) if missing else (0, False))
 
 
 def test_after_a_model_it_shows_what_was_unknown_and_will_be(files: Path, capsys: Capture) -> None:

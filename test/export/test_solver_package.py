@@ -17,7 +17,12 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.cli import main
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.c_header import to_c_header
-from lip_id_ros.export.solver_package import package_name, save, solver_package
+from lip_id_ros.export.solver_package import (
+    LONGEST_NAME,
+    package_name,
+    save,
+    solver_package,
+)
 
 # What the plugin uses of ROS, whose headers the tests' Jazzy lacks.
 DECLARATIONS = {
@@ -265,3 +270,18 @@ def test_the_verb_writes_a_package_and_replaces_no_other_folder(
         capsys.readouterr().err.split()
     )
     assert main([*command, '--force']) == 0
+
+
+def test_a_name_too_long_for_files_leaves_the_package_before_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model_of(random_arm('RR')).save(tmp_path / 'arm.npz')
+    command = ['export', str(tmp_path / 'arm.npz'), '--solver-package', str(tmp_path / 'solver')]
+    assert main([*command, '--name', 'a' * LONGEST_NAME]) == 0
+    before = set(files_of(tmp_path / 'solver'))
+    targets = ['--urdf', str(tmp_path / 'arm.urdf')]
+    assert main([*command, *targets, '--name', 'a' * (LONGEST_NAME + 1)]) == 1
+    said = ' '.join(capsys.readouterr().err.split())
+    assert 'must have 200 letters at most in a package, not 201; give a shorter --name.' in said
+    assert set(files_of(tmp_path / 'solver')) == before
+    assert not (tmp_path / 'arm.urdf').exists()
