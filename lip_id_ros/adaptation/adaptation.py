@@ -79,9 +79,9 @@ class Followed:
     What the filter expected of N samples before it learned from them.
 
     `tau`, `std`, shape (N, n): predicted torques, and deviations of measured torques about them
-    [N m or N]. `frozen`, shape (N, n): torques of the fit, which learns nothing. `outcome`,
-    `trusted`, shape (N,): what became of a sample (`LEARNED` and others), and where what had been
-    learned until then was trusted.
+    [N m or N], at least as large as recent errors. `frozen`, shape (N, n): torques of the fit,
+    which learns nothing. `outcome`, `trusted`, shape (N,): what became of a sample (`LEARNED` and
+    others), and where what had been learned until then was trusted.
 
     """
 
@@ -151,6 +151,8 @@ class Adaptation:
         self.numbers = self.arm.start.copy()
         self.covariance = self.arm.covariance + np.diag(variance)
         self._squares, self._disturbed, self._seconds = np.zeros(2), 1.0, 0.0
+        # recent mean squares of innovations of each joint, in variances
+        self._excess = np.ones(len(self.arm.arm.links))
         self._drop()
 
     def _drop(self) -> None:
@@ -330,9 +332,12 @@ class Adaptation:
         kind = np.where((kind == LEARNED) & rests.all(axis=1), RESTING, kind)
         kind = np.where(self._settling, SETTLING, kind).astype(np.int64)
         trusted = np.full(len(t), self.is_trusted)
-        followed = Followed(predicted, np.sqrt(variance + noise), frozen, kind, trusted)
+        total = (variance + noise) * np.maximum(self._excess, 1.0)
+        followed = Followed(predicted, np.sqrt(total), frozen, kind, trusted)
         std = np.where(rests, np.inf, np.sqrt(noise))
         self._judge(steps, measured, followed, std, outcome == DISTURBED)
+        own = outcome != DISTURBED
+        self._widen(*(x[own] for x in (steps, measured - predicted, variance + noise)))
         if self._seconds == 0.0:  # begun anew: what was expected is no longer
             return followed
         left = measured - predicted, self._inflation * std**2
@@ -404,6 +409,12 @@ class Adaptation:
             if self.payload is not None:
                 self.payload = None
                 self.payload_events.append(PayloadEvent(self._t, None))
+
+    def _widen(self, steps: Array, residual: Array, variance: Array) -> None:
+        """Learn how much larger errors of torques (N, n) are than the filter knows."""
+        kept = np.exp(-np.minimum(steps, LONGEST_GAP_S) / MEMORY_S)
+        for share, ratio in zip(kept, np.minimum(residual**2 / variance, GATE**2), strict=True):
+            self._excess = share * self._excess + (1.0 - share) * ratio
 
     def _note_payload(self) -> None:
         """Note the whole payload; one that is put down leaves the arm as it was."""

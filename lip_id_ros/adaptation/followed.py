@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from lip_id_ros.adaptation.kalman import Walk
 from lip_id_ros.adaptation.payloads import known_payload
-from lip_id_ros.adaptation.possible import can_exist, NearestLinks, scale_of_links
+from lip_id_ros.adaptation.possible import PossibleArms
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import ModelError
 from lip_id_ros.friction.compiled import friction_features
@@ -26,7 +27,11 @@ from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.residual_gp import ResidualGPMean
 from lip_id_ros.rigid_body import LINK_PARAMETERS
-from lip_id_ros.rigid_body.pseudo_inertia import LinkScale
+from lip_id_ros.rigid_body.pseudo_inertia import (
+    link_parameter_jacobian,
+    LinkScale,
+    pseudo_inertia,
+)
 from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
 
@@ -40,9 +45,6 @@ NEARLY = 1.0 - 1e-9
 
 USUAL_CENTRE, UNSURE_EVERY = np.full(3, 0.1), 4
 """Centre of a usual payload in the frame of the last link [m]; every so many states are taken."""
-
-SHARE_OF_NOISE = 0.1
-"""Of the noise, to which torques of links that can exist are fitted at least."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,6 @@ class FollowedArm:
         is_friction = np.arange(self.start.size) >= self._n_links
         self.active: IndexArray = np.flatnonzero(root.any(axis=1) | is_friction)
         self._root = root[self.active]
-        self._scale = scale_of_links(arm.links)
         self._residual_gp = (
             None if model.residual_gp is None else ResidualGPMean(model.residual_gp)
         )
@@ -123,16 +124,21 @@ class FollowedArm:
         start = self.arm.friction.coefficients
         changing = np.hypot(own.friction * start, own.small * self.unit)
         std = np.where(is_offset, own.offset * self.unit, changing)
-        most = own.most * self.unit
-        lower = np.maximum(self.arm.friction.basis.lower, start - most)
+        lower, upper = self._bounds
         rate = np.full(std.size, 1.0 / (SECONDS * own.hours))
         return Walk(
             centre=self.start[self.active],
             variance=np.concatenate([links, std**2])[self.active],
             rate=np.concatenate([links, rate])[self.active],
             lower=np.concatenate([links - np.inf, lower])[self.active],
-            upper=np.concatenate([links + np.inf, start + most])[self.active],
+            upper=np.concatenate([links + np.inf, upper])[self.active],
         )
+
+    @property
+    def _bounds(self) -> tuple[Array, Array]:
+        """Lowest and highest coefficients of friction that are followed, each of shape (K,)."""
+        start, most = self.arm.friction.coefficients, self._settings.most * self.unit
+        return np.maximum(self.arm.friction.basis.lower, start - most), start + most
 
     @cached_property
     def friction_size(self) -> Array:
@@ -210,17 +216,40 @@ class FollowedArm:
         return tau, load, regressor, own
 
     def possible(self, numbers: Array, covariance: Array) -> Array:
-        """Return the numbers of the arm that can exist with the nearest torques, (11 n + K,)."""
-        links, friction = self._parts(numbers)
-        if can_exist(links):
-            return np.concatenate([links.ravel(), friction.coefficients])
-        _, slopes = self.linearised(numbers, *self._usual_states)
-        active = slopes[..., self.active]
-        variance = np.einsum('tik,kl,til->ti', active, covariance, active)
-        std = np.sqrt(variance) + SHARE_OF_NOISE * self.arm.noise.std
-        rows = (slopes[..., : self._n_links] / std[..., None]).reshape(-1, self._n_links)
-        found = NearestLinks(links, rows, self._scale).found()
-        return np.concatenate([found.ravel(), friction.coefficients])
+        """Return the nearest numbers of an arm that can exist, shape (11 n + K,)."""
+        own = np.zeros((self.start.size, self.active.size))
+        own[self.active] = _root(covariance)
+        return self._possible.nearest(numbers, np.hstack([own, self._free_root]))
+
+    @cached_property
+    def _possible(self) -> PossibleArms:
+        lower, upper = self._bounds
+        return PossibleArms(self.arm.links, lower, upper)
+
+    @cached_property
+    def _free_root(self) -> Array:
+        """
+        Root of the covariance of changes of links that change no torque, (11 n + K, m).
+
+        The posterior keeps the numbers of these where they are, and torques of all others. Links
+        are as wide as one log-Cholesky number; torques at training states are as in the fit.
+
+        """
+        links = np.arange(self._n_links)
+        used = self.active[self.active < self._n_links]
+        rest = np.setdiff1d(links, used)
+        slopes = self.usual_slopes(STATES)[..., : self._n_links] / self.noise.std[:, None]
+        rows = slopes.reshape(-1, self._n_links)
+        change = np.zeros((self.start.size, rest.size))
+        change[rest] = np.eye(rest.size)
+        change[used] = -np.linalg.lstsq(rows[:, used], rows[:, rest], rcond=None)[0]
+        factors = np.linalg.cholesky(pseudo_inertia(self.arm.links))
+        scale = LinkScale(factors, self.arm.links[:, -1])
+        by_numbers = link_parameter_jacobian(np.zeros(self.arm.links.shape), scale)
+        wide = block_diag(*(each @ each.T for each in by_numbers))[np.ix_(rest, rest)]
+        torques = rows @ change[links]
+        precision = np.linalg.inv(wide) + torques.T @ torques
+        return change @ np.linalg.inv(np.linalg.cholesky(precision)).T
 
     def possible_body(self, link: Array, body: Array, information: Array) -> Array:
         """
@@ -230,12 +259,12 @@ class FollowedArm:
         shape (10, 10): of the numbers, as torques have it.
 
         """
-        whole = np.append(link + body, self.arm.links[-1, -1])[None]
-        if can_exist(whole):
-            return body
-        rows = np.pad(np.linalg.cholesky(information).T, ((0, 0), (0, 1)))
-        scale = LinkScale(*(each[-1:] for each in self._scale))
-        return np.asarray(NearestLinks(whole, rows, scale).found()[0, :-1] - link)
+        own = self.arm.links[-1:]
+        root = np.zeros((LINK_PARAMETERS, LINK_PARAMETERS - 1))
+        root[:-1] = np.linalg.inv(np.linalg.cholesky(information)).T
+        whole = np.append(link + body, own[0, -1])
+        found = PossibleArms(own, np.empty(0), np.empty(0)).nearest(whole, root)
+        return body if found is whole else found[:-1] - link
 
     @cached_property
     def unsure_of_payloads(self) -> float:
@@ -297,8 +326,7 @@ class FollowedArm:
 
     def _with_root(self, covariance: Array) -> Array:
         """Return the root of the covariance of all coordinates; placements keep their own."""
-        values, vectors = np.linalg.eigh(covariance)
-        own = vectors * np.sqrt(np.maximum(values, 0.0))
+        own = _root(covariance)
         rows, kept = self._first + self.active, self.arm.covariance_root.copy()
         kept[rows] = 0.0
         followed = np.zeros((len(kept), own.shape[1]))
@@ -335,6 +363,11 @@ def _usual_states(model: InverseDynamicsModel) -> tuple[Array, Array, Array]:
         rows = np.random.default_rng(0).uniform(low, high, (STATES, 3 * n))
     q, dq, ddq = (np.ascontiguousarray(rows[:, k * n : (k + 1) * n]) for k in range(3))
     return q, dq, ddq
+
+
+def _root(covariance: Array) -> Array:
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _rms(values: Array) -> Array:

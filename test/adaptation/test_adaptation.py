@@ -49,6 +49,22 @@ def test_friction_that_falls_is_followed_with_deviations_that_hold() -> None:
     assert (np.abs(torque - truth) < 3.0 * std).all()
 
 
+def test_errors_that_the_fit_did_not_have_widen_the_deviations_of_their_joint() -> None:
+    """Torques of joint 2 follow a wave that no link and no friction explains."""
+    model = known_model()
+    data, noise = stream(model, 60.0), model.noise_std[1]
+    wave = 4.0 * noise * np.sin(9.0 * data.t)[:, None] * np.array([0.0, 1.0, 0.0])
+    plain, waved = (
+        Adaptation(model).update(*data._replace(tau=data.tau + each)) for each in (0.0, wave)
+    )
+    late = data.t > 30.0
+    within = np.abs(waved.tau - data.tau - wave) <= 2.0 * waved.std
+    assert 0.85 <= within[late, 1].mean() <= 0.99
+    wider = (waved.std / plain.std)[late].mean(axis=0)
+    assert wider[1] > 2.0
+    assert (wider[[0, 2]] < 1.3).all()
+
+
 def test_what_has_changed_is_named_and_an_arm_that_has_not_is_not_blamed() -> None:
     model = known_model()
     same, other = Adaptation(model), Adaptation(model)
