@@ -18,6 +18,7 @@ from lip_id_ros.nodes.launch_arguments import (
     common_arguments,
     JOINT_STATES,
     node,
+    start,
 )
 
 SHARED = ('params_file', 'namespace', 'joint_states', 'use_sim_time')
@@ -40,15 +41,21 @@ def generate_launch_description() -> LaunchDescription:
                 '',
                 f'Whether serve configures and activates itself{AS_IN_FILE}, else false.',
             ),
-            IncludeLaunchDescription(
-                PythonLaunchDescriptionSource(str(train)),
-                launch_arguments={each: LaunchConfiguration(each) for each in SHARED}.items(),
-            ),
-            node(
-                'serve',
-                topics=[(topic, LaunchConfiguration(name)) for name, topic, _ in topics],
-                given={'model_path': str, 'autostart': bool},
-                defaults={'autostart': False},
+            *start(
+                node(
+                    'serve',
+                    topics=[(topic, LaunchConfiguration(name)) for name, topic, _ in topics],
+                    given={'model_path': str, 'autostart': bool},
+                    defaults={'autostart': False},
+                ),
+                included=[
+                    IncludeLaunchDescription(
+                        PythonLaunchDescriptionSource(str(train)),
+                        launch_arguments={
+                            each: LaunchConfiguration(each) for each in SHARED
+                        }.items(),
+                    )
+                ],
             ),
         ]
     )

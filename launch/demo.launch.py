@@ -3,7 +3,7 @@
 from launch import LaunchDescription
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 
-from lip_id_ros.nodes.launch_arguments import argument, common_arguments, node
+from lip_id_ros.nodes.launch_arguments import argument, common_arguments, node, start
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -16,8 +16,10 @@ def generate_launch_description() -> LaunchDescription:
         [
             argument('output', '.', 'Folder of the model and the data.'),
             *common_arguments('demo.yaml', 'simulated_panda, train and serve'),
-            node('simulated_panda'),
-            node('train', model | data),
-            node('serve', model, [('~/desired_trajectory', 'desired_trajectory')]),
+            *start(
+                node('simulated_panda'),
+                node('train', model | data),
+                node('serve', model, [('~/desired_trajectory', 'desired_trajectory')]),
+            ),
         ]
     )

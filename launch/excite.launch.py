@@ -12,7 +12,7 @@ from launch.actions import IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 
-from lip_id_ros.nodes.launch_arguments import argument, common_arguments, JOINT_STATES, node
+from lip_id_ros.nodes.launch_arguments import argument, common_arguments, JOINT_STATES, node, start
 
 SHARED = ('params_file', 'namespace', 'joint_states', 'use_sim_time')
 
@@ -23,10 +23,16 @@ def generate_launch_description() -> LaunchDescription:
         [
             *common_arguments(None, 'excite, train and serve'),
             argument(*JOINT_STATES),
-            IncludeLaunchDescription(
-                PythonLaunchDescriptionSource(str(arm)),
-                launch_arguments={each: LaunchConfiguration(each) for each in SHARED}.items(),
+            *start(
+                node('excite', topics=[('joint_states', LaunchConfiguration('joint_states'))]),
+                included=[
+                    IncludeLaunchDescription(
+                        PythonLaunchDescriptionSource(str(arm)),
+                        launch_arguments={
+                            each: LaunchConfiguration(each) for each in SHARED
+                        }.items(),
+                    )
+                ],
             ),
-            node('excite', topics=[('joint_states', LaunchConfiguration('joint_states'))]),
         ]
     )

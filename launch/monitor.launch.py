@@ -3,7 +3,7 @@
 from launch import LaunchDescription
 from launch.substitutions import LaunchConfiguration
 
-from lip_id_ros.nodes.launch_arguments import argument, common_arguments, JOINT_STATES, node
+from lip_id_ros.nodes.launch_arguments import argument, common_arguments, JOINT_STATES, node, start
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -12,10 +12,12 @@ def generate_launch_description() -> LaunchDescription:
             argument('model_path', None, 'Model of the arm.'),
             *common_arguments('monitor.yaml', 'monitor'),
             argument(*JOINT_STATES),
-            node(
-                'monitor',
-                topics=[('joint_states', LaunchConfiguration('joint_states'))],
-                given={'model_path': str},
+            *start(
+                node(
+                    'monitor',
+                    topics=[('joint_states', LaunchConfiguration('joint_states'))],
+                    given={'model_path': str},
+                )
             ),
         ]
     )

@@ -9,6 +9,7 @@ from lip_id_ros.nodes.launch_arguments import (
     common_arguments,
     JOINT_STATES,
     node,
+    start,
 )
 
 # Launch argument, name in the node, description.
@@ -30,10 +31,12 @@ def generate_launch_description() -> LaunchDescription:
             argument(
                 'autostart', '', f'Whether serve configures and activates itself{AS_IN_FILE}.'
             ),
-            node(
-                'serve',
-                topics=[(topic, LaunchConfiguration(name)) for name, topic, _ in TOPICS],
-                given={'model_path': str, 'autostart': bool},
+            *start(
+                node(
+                    'serve',
+                    topics=[(topic, LaunchConfiguration(name)) for name, topic, _ in TOPICS],
+                    given={'model_path': str, 'autostart': bool},
+                )
             ),
         ]
     )

@@ -8,7 +8,7 @@ moves by a millisecond for each torque.
 
 from launch import LaunchDescription
 
-from lip_id_ros.nodes.launch_arguments import argument, AS_IN_FILE, common_arguments, node
+from lip_id_ros.nodes.launch_arguments import argument, AS_IN_FILE, common_arguments, node, start
 
 PLAN = 'plan_with_effort'
 
@@ -26,16 +26,22 @@ def generate_launch_description() -> LaunchDescription:
             argument('n_joints', '', f'Number of joints, from the base{AS_IN_FILE}.'),
             argument('amplitude', '', f'Amplitude at the horizon [rad]{AS_IN_FILE}.'),
             argument('horizon', '', f'Length of the motion [s]{AS_IN_FILE}.'),
-            node('simulated_arm', given=n_joints, topics=[('command', 'computed_torque/command')]),
-            node('computed_torque', topics=[('~/joint_trajectory', PLAN)]),
-            node(
-                'serve',
-                topics=[
-                    ('~/desired_trajectory', 'desired_trajectory'),
-                    ('~/trajectory_with_effort', PLAN),
-                ],
-                given={'model_path': str, 'autostart': bool},
+            *start(
+                node(
+                    'simulated_arm',
+                    given=n_joints,
+                    topics=[('command', 'computed_torque/command')],
+                ),
+                node('computed_torque', topics=[('~/joint_trajectory', PLAN)]),
+                node(
+                    'serve',
+                    topics=[
+                        ('~/desired_trajectory', 'desired_trajectory'),
+                        ('~/trajectory_with_effort', PLAN),
+                    ],
+                    given={'model_path': str, 'autostart': bool},
+                ),
+                node('reference', given=n_joints | motion),
             ),
-            node('reference', given=n_joints | motion),
         ]
     )

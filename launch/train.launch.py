@@ -9,6 +9,7 @@ from lip_id_ros.nodes.launch_arguments import (
     JOINT_STATES,
     node,
     require_folder,
+    start,
 )
 
 SECONDS_TO_SAVE = '60'  # a million samples take about 20 s to write
@@ -23,11 +24,13 @@ def generate_launch_description() -> LaunchDescription:
                 'folder', '.', 'Folder of the model and the data, one for each robot; must exist.'
             ),
             require_folder('folder'),
-            node(
-                'train',
-                topics=[('joint_states', LaunchConfiguration('joint_states'))],
-                cwd=LaunchConfiguration('folder'),
-                sigterm_timeout=SECONDS_TO_SAVE,
+            *start(
+                node(
+                    'train',
+                    topics=[('joint_states', LaunchConfiguration('joint_states'))],
+                    cwd=LaunchConfiguration('folder'),
+                    sigterm_timeout=SECONDS_TO_SAVE,
+                )
             ),
         ]
     )

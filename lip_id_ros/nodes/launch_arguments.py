@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import os
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,11 @@ PARAMS_FILE = PathJoinSubstitution([str(Path.cwd()), LaunchConfiguration('params
 """Path of the parameter file, also for a node that runs in another folder."""
 
 AS_IN_FILE = '; empty: as in params_file'
+
+KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number'}
+
+MakeNode = Callable[[LaunchContext], list[Node]]
+"""Makes a node from the arguments of a launch; ConfigError if one of them is wrong."""
 
 JOINT_STATES = ('joint_states', 'joint_states', 'Topic of the measured joint states.')
 
@@ -70,11 +75,6 @@ def argument(name: str, default: str | None, description: str) -> DeclareLaunchA
     return DeclareLaunchArgument(name, default_value=default, description=description)
 
 
-def value(name: str, kind: type) -> ParameterValue:
-    """Return an argument as a parameter of a type."""
-    return ParameterValue(LaunchConfiguration(name), value_type=kind)
-
-
 def node(
     name: str,
     parameters: Mapping[str, Any] | None = None,
@@ -82,9 +82,9 @@ def node(
     given: Mapping[str, type] | None = None,
     defaults: Mapping[str, Any] | None = None,
     **options: Any,
-) -> Action:
+) -> MakeNode:
     """
-    Return a node of the package in the namespace, with the clock and parameters of the arguments.
+    Return what makes a node of the package in the namespace, with clock and parameters as given.
 
     `name`: of the program and of the node.
     `parameters`: beside those of the parameter file, which they override.
@@ -95,12 +95,12 @@ def node(
     `**options`: further arguments of `launch_ros.actions.Node`.
     """
 
-    def started(context: LaunchContext) -> list[Node]:
+    def made(context: LaunchContext) -> list[Node]:
         namespace = LaunchConfiguration('namespace').perform(context).strip('/')
         path = PARAMS_FILE.perform(context)
         in_file = parameters_in_file(path, f'/{namespace}/{name}'.replace('//', '/'))
         overriding = {
-            each: value(each, kind)
+            each: _value(context, each, kind)
             for each, kind in {'use_sim_time': bool, **(given or {})}.items()
             if LaunchConfiguration(each).perform(context)
         }
@@ -118,4 +118,33 @@ def node(
             )
         ]
 
-    return OpaqueFunction(function=started)
+    return made
+
+
+def start(*nodes: MakeNode, included: Sequence[Action] = ()) -> list[Action]:
+    """
+    Return actions that start nodes once the arguments of all are right, behind other launch files.
+
+    What is being started when launch comes to an error runs on without it.
+    """
+
+    def check(context: LaunchContext) -> None:
+        for make in nodes:
+            make(context)
+
+    return [
+        OpaqueFunction(function=check),
+        *included,
+        *(OpaqueFunction(function=make) for make in nodes),
+    ]
+
+
+def _value(context: LaunchContext, name: str, kind: type) -> ParameterValue:
+    """Return an argument as a parameter of a type; ConfigError if it is of another."""
+    found = ParameterValue(LaunchConfiguration(name), value_type=kind)
+    try:
+        found.evaluate(context)
+    except ValueError:
+        given = LaunchConfiguration(name).perform(context)
+        raise ConfigError(f'{name} must be {KINDS[kind]}, not {given}; correct it.') from None
+    return found

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from typing import Any, TYPE_CHECKING
 
+import psutil
 import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
@@ -172,6 +173,17 @@ def test_both_nodes_of_two_arms_share_a_graph(ros: Ros, model_path: str, tmp_pat
 
 
 SERVE = '/**/serve: {ros__parameters: {torque_limits: [100.0]}}'
+TRAIN = '/**/train: {ros__parameters: {model_path: model.npz}}'
+BOTH = f'{SERVE}\n{TRAIN}'
+
+
+def started_in(folder: Path) -> list[list[str]]:
+    """Command lines of processes that were started in a folder and run on."""
+    return [
+        each.info['cmdline']
+        for each in psutil.process_iter(['cwd', 'cmdline'])
+        if each.info['cwd'] == str(folder)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -183,7 +195,11 @@ SERVE = '/**/serve: {ros__parameters: {torque_limits: [100.0]}}'
         ('serve', SERVE, ['namespace:=left', 'torque_limits:=[1.0]'], 'torque_limits is not a la'),
         ('serve', SERVE, ['param_file:=panda.yaml'], 'param_file is not a launch argument'),
         ('arm', SERVE, ['folder_:=x'], 'folder_ is not a launch argument'),
+        ('serve', SERVE, ['use_sim_time:=2'], 'use_sim_time must be true or false, not 2'),
         ('arm', SERVE, [], 'has no section for the node /train'),
+        ('arm', TRAIN, [], 'has no section for the node /serve'),
+        ('arm', BOTH, ['autostart:=maybe'], 'autostart must be true or false, not maybe'),
+        ('excite', BOTH, [], 'has no section for the node /excite'),
         ('train', SERVE.replace('serve', 'train'), ['folder:=/nope'], 'folder must be a folder'),
     ],
 )
@@ -203,6 +219,7 @@ def test_a_launch_with_wrong_arguments_starts_nothing(
     assert sentence in said
     assert 'Traceback' not in said
     assert 'process started' not in said
+    assert not started_in(tmp_path)
 
 
 @pytest.mark.parametrize(
