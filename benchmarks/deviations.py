@@ -1,6 +1,9 @@
 """
 Whether standard deviations of torques are true: coverage of noiseless torques, and mean size.
 
+Errors are compared with their limit too: the expected error of least squares that begins at the
+true arm, with places of joints, links and friction unknown, and white noise (Cramer and Rao).
+
 Fits to a simulated Panda with viscous and Coulomb friction, evaluated on another motion. Its axes
 are as they are, or askew by a degree or so, so that no simple geometry is right.
 
@@ -28,6 +31,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.identification.identify import identify
 from lip_id_ros.rigid_body.regressor import torque_regressor
+from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
 from lip_id_ros.simulation import SinusoidTrajectory
 from lip_id_ros.simulation.arm import panda_urdf
 
@@ -47,7 +51,10 @@ ASKEW, ASIDE = np.radians(1.0), 0.01
 TEST_SAMPLES, TEST_RATE_HZ, MOVING = 2000, 40.0, 0.1
 """The motion of the test, and the velocity [rad/s] below which friction is not judged."""
 
-FIGURES = ('within', 'ratio')
+LIMIT_SAMPLES, RANK = 20_000, 1e-7
+"""At most, from which the limit is computed, and least singular value of what is identified."""
+
+FIGURES = ('within', 'ratio', 'of_limit')
 
 
 def main(arguments: list[str]) -> int:
@@ -61,17 +68,21 @@ def main(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     results = Results(options.results)
     table = Table(title='noiseless torques within two deviations, joint by joint')
-    for name in ('samples', 'noise', 'axes', 'within [%]', 'deviation over error', 'CPU [s]'):
+    for name in (
+        *('samples', 'noise', 'axes', 'within [%]', 'deviation over error', 'error over limit'),
+        'CPU [s]',
+    ):
         table.add_column(name)
     for samples, noise, axes in product(options.samples, options.noise, options.axes):
         rows = []
         for seed in options.seeds:
             measure = partial(measured, samples, noise, axes, seed)
             rows.append(results.row(f'{samples}, {noise}, {axes}, seed {seed}', measure))
-        within, ratio = (np.mean([row[name] for row in rows], axis=0) for name in FIGURES)
+        within, *others = (np.mean([row[name] for row in rows], axis=0) for name in FIGURES)
         cpu_s = np.mean([row['cpu_s'] for row in rows])
-        shown = ' '.join(f'{100.0 * x:.0f}' for x in within), ' '.join(f'{x:.2f}' for x in ratio)
-        table.add_row(str(samples), noise, axes, *shown, f'{cpu_s:.0f}')
+        shown = [' '.join(f'{x:.2f}' for x in each) for each in others]
+        covered = ' '.join(f'{100.0 * x:.0f}' for x in within)
+        table.add_row(str(samples), noise, axes, covered, *shown, f'{cpu_s:.0f}')
     Console(width=140).print(table)
     return 0
 
@@ -93,7 +104,9 @@ def measured(samples: int, noise: str, axes: str, seed: int) -> Row:
     return {
         'within': inside.tolist(),
         'ratio': ratio.tolist(),
-        'rms': np.sqrt(means(error**2, moving)).tolist(),
+        'of_limit': (
+            np.sqrt(means(error**2, moving)) / torque.limit(train, test, moving)
+        ).tolist(),
         'inflation': found.solution.inflation,
         'cpu_s': cpu_s,
     }
@@ -129,6 +142,29 @@ class Truth:
         dq = motion[1]
         tau = torque_regressor(self.chain, *motion) @ self._links.ravel()
         return _of(t, motion, tau + VISCOUS * dq + COULOMB * np.tanh(dq / WIDTH))
+
+    def limit(self, train: Dataset, test: Dataset, where: BoolArray) -> Array:
+        """Return the expected error of each joint's torque at some samples, shape (n,) [N m]."""
+        std = NOISE * train.tau.std(axis=0)[:, None]
+        thinned = train.select(np.arange(0, train.n_samples, 1 + train.n_samples // LIMIT_SAMPLES))
+        rows = (self._slopes(thinned) / std).reshape(N_JOINTS * thinned.n_samples, -1)
+        rows *= np.sqrt(train.n_samples / thinned.n_samples)
+        size = np.linalg.norm(rows, axis=0)
+        known = size > 0.0
+        _, singular, right = np.linalg.svd(rows[:, known] / size[known], full_matrices=False)
+        used = singular > RANK * singular[0]
+        root = right[used].T / singular[used] / size[known, None]
+        errors = self._slopes(test)[..., known] @ root
+        return np.sqrt(means(np.sum(errors**2, axis=2), where))
+
+    def _slopes(self, data: Dataset) -> Array:
+        """Return slopes of torques by places of joints, links and friction, (N, n, p)."""
+        state = data.q, data.dq, data.ddq
+        places = placement_derivatives(self.chain, self._links, *state)
+        features = data.dq, np.tanh(data.dq / WIDTH), np.ones_like(data.dq)
+        friction = [each[:, :, None] * np.eye(N_JOINTS) for each in features]
+        flat = places.reshape(data.n_samples, N_JOINTS, -1)
+        return np.concatenate([flat, torque_regressor(self.chain, *state), *friction], axis=2)
 
 
 def _of(t: Array, motion: tuple[Array, Array, Array], tau: Array) -> Dataset:
