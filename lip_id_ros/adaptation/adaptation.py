@@ -67,6 +67,9 @@ Mean square of the torques of a payload that is none, in that of the noise, besi
 what was put down that the arm leaves open.
 """
 
+MOST_EXCESS = 4.0
+"""Recent squared errors, in their variances, above which a disturbance is not called a payload."""
+
 AFTER = 0.1
 """Of the deviations of a change, where the filter begins anew."""
 
@@ -328,21 +331,25 @@ class Adaptation:
         self.numbers[active] = mean
         self.numbers = self.arm.possible(self.numbers, self.covariance)
         self._t, self._q = float(t[-1]), q[-1].copy()
-        kind = np.where((outcome == LEARNED) & stuck.any(axis=1), STUCK, outcome)
-        kind = np.where((kind == LEARNED) & rests.all(axis=1), RESTING, kind)
-        kind = np.where(self._settling, SETTLING, kind).astype(np.int64)
+        kind = self._kind(outcome, stuck, rests)
         trusted = np.full(len(t), self.is_trusted)
         total = (variance + noise) * np.maximum(self._excess, 1.0)
         followed = Followed(predicted, np.sqrt(total), frozen, kind, trusted)
         std = np.where(rests, np.inf, np.sqrt(noise))
         self._judge(steps, measured, followed, std, outcome == DISTURBED)
-        own = outcome != DISTURBED
-        self._widen(*(x[own] for x in (steps, measured - predicted, variance + noise)))
+        learned = kind == LEARNED
+        self._widen(*(x[learned] for x in (steps, measured - predicted, variance + noise)))
         if self._seconds == 0.0:  # begun anew: what was expected is no longer
             return followed
         left = measured - predicted, self._inflation * std**2
         self._look_for_payload(steps, slopes[..., self._last], *left, outcome)
         return followed
+
+    def _kind(self, outcome: Array, stuck: BoolArray, rests: BoolArray) -> IntArray:
+        """Return what became of N samples, with the reasons that the filter does not know."""
+        kind = np.where((outcome == LEARNED) & stuck.any(axis=1), STUCK, outcome)
+        kind = np.where((kind == LEARNED) & rests.all(axis=1), RESTING, kind)
+        return np.where(self._settling, SETTLING, kind).astype(np.int64)
 
     def _stuck(self, t: Array, measured: Array) -> BoolArray:
         """Mark the torques (N, n) that have not changed for some time."""
@@ -366,7 +373,7 @@ class Adaptation:
         _, seconds = _motion(steps[first:], variance[first:])
         watch.add(seconds, slopes[first:], (residual + slopes @ body)[first:], variance[first:])
         if watch.is_long_enough and watch.is_payload:
-            self._settling = True
+            self._settling |= bool(self._excess.max() < MOST_EXCESS)
         if self._settling:
             self._settle(body)
         elif watch.seconds > LONGEST_S:

@@ -88,6 +88,15 @@ def test_contacts_and_changes_of_friction_are_no_payloads() -> None:
     assert adaptation.payload_events == []
 
 
+def test_no_payload_is_found_where_the_arm_was_not_understood_before_it() -> None:
+    """A joint whose torque has a wave of three deviations: its next disturbance may be anything."""
+    model = known_model()
+    adaptation, data = Adaptation(model), carried(model, 1.0)
+    wave = 3.0 * NOISE * np.sin(9.0 * data.t)[:, None] * np.array([0.0, 1.0, 0.0])
+    adaptation.update(*data._replace(tau=data.tau + wave))
+    assert adaptation.payload_events == []
+
+
 def test_a_body_is_found_by_least_squares_with_its_deviations() -> None:
     rng = np.random.default_rng(0)
     body = np.array([1.0, 0.03, -0.02, 0.12, 0.02, 0.001, 0.0, 0.02, 0.0, 0.002])
