@@ -79,6 +79,9 @@ def test_what_has_changed_is_named_and_an_arm_that_has_not_is_not_blamed() -> No
     friction = [each for each in found if each.what.startswith('friction')]
     np.testing.assert_allclose([x.now / x.before for x in friction], 0.6, atol=0.05)
     assert 'standard deviations' in friction[0].sentence()
+    _, now = friction_at_speed(other)
+    _, fitted = friction_at_speed(Adaptation(model, WalkSettings(0.0, 0.0, 0.0)))
+    np.testing.assert_allclose([each.std for each in friction], np.hypot(now, fitted))
 
 
 def test_a_change_that_is_sure_but_small_is_not_named() -> None:

@@ -18,6 +18,7 @@ from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.friction.terms import Coulomb, LoadCoulomb, LoadViscous, Offset, Stribeck, Viscous
 from lip_id_ros.joint_types import PRISMATIC, REVOLUTE
 from lip_id_ros.model.arm_posterior import ArmPosterior
+from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.couplings import Coupling, rows_of
 from lip_id_ros.rigid_body.regressor_pullback import placement_pullback
 from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
@@ -151,3 +152,14 @@ def test_more_measurements_leave_less() -> None:
     few, many = (ExpectedError(arm, targets, m, 20).shares(*states) for m in (20.0, 200.0))
     assert np.all(many < few)
     assert np.all(few < 1.0)
+
+
+def test_friction_of_an_unknown_arm_is_as_unknown_at_full_speed_as_in_slow_motion() -> None:
+    rng = np.random.default_rng(0)
+    n, targets = len(TYPES), rng.standard_normal((3, 60, len(TYPES)))
+    limits = random_limits(rng, n)
+    arm = unknown_arm(limits, TYPES, tuple(targets), rng)
+    still = np.zeros((1, n))
+    rows = (arm.jacobian(still, limits.velocity[None], still) @ arm.root)[0]
+    viscous, coulomb, _ = rows[:, LINK_PARAMETERS * n :].reshape(n, 3, n).transpose(1, 0, 2)
+    np.testing.assert_allclose(viscous, coulomb)

@@ -129,10 +129,11 @@ def test_friction_that_doubled_is_published_kept_and_forgotten(ros: Ros, path: s
 def test_a_payload_is_announced_and_a_foreign_state_kept_aside(ros: Ros, path: str) -> None:
     graph, client = ros
     (graph.folder / 'adaptation.npz').write_bytes(b'broken')
-    graph.start('adapt', model_path=path, payload_mass=0.4, payload_centre=[0.0, 0.1, 0.0])
+    graph.start('adapt', model_path=path, payload_centre=[0.0, 0.1, 0.0])
     payloads = client.listen(Statistics, '/adapt/payload', qos.LATCHED)
     arm = Arm(client)
     arm.move()
+    assert client.set_parameter('adapt', 'payload_mass', 0.4).successful
     request = SetBool.Request(data=True)
     answer = client.call(SetBool, '/adapt/announce_payload', request)
     assert answer.success
