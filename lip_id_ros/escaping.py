@@ -16,6 +16,14 @@ def printable(text: str) -> str:
     )
 
 
+def one_line(error: Exception) -> str:
+    """Return the message of an error as one line; one of the file system names the file."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        remedy = '; correct the path.' * isinstance(error, FileNotFoundError)
+        return printable(f'{error.filename}: {error.strerror}{remedy}')
+    return printable(' '.join(str(error).split()))
+
+
 def for_plot(text: str) -> str:
     """Return text that matplotlib draws as it is, without reading mathematics into it."""
     return printable(text).replace('$', r'\$')

@@ -59,3 +59,12 @@ def test_a_recording_of_the_driver(name: str, tmp_path: Path) -> None:
     assert data.joint_names == tuple(joints)
     first = data.t[0]
     np.testing.assert_allclose(data.q[0], np.sin(first + np.arange(len(joints))), atol=0.05)
+
+
+@pytest.mark.parametrize(('name', 'arm'), [('controllers', 'panda'), ('controllers_ur', 'ur5e')])
+def test_controllers_run_at_the_rate_of_the_driver(name: str, arm: str) -> None:
+    page = (CONFIG.parent / 'docs/how-to/drivers.md').read_text()
+    (row,) = [line for line in page.splitlines() if f'/{arm}.yaml)' in line]
+    rate = float(row.split('|')[-2].replace('Hz', '').replace('k', 'e3').replace(' ', ''))
+    controllers = yaml.safe_load((CONFIG / f'{name}.yaml').read_text())
+    assert controllers['controller_manager']['ros__parameters']['update_rate'] == rate

@@ -25,7 +25,7 @@ from lip_id_ros.cli import (
     predict,
 )
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.escaping import printable
+from lip_id_ros.escaping import one_line
 
 VERBS = (
     *(demo, excite, inspect, fit, evaluate, predict, adapt, check_plan, dataset, export),
@@ -87,14 +87,6 @@ def _prepare_streams() -> None:
             setattr(sys, name, open(os.devnull, 'w'))  # noqa: SIM115
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors='backslashreplace')
-
-
-def one_line(error: Exception) -> str:
-    """Return the message of an error as one line; one of the file system names the file."""
-    if isinstance(error, OSError) and error.filename is not None and error.strerror:
-        remedy = '; correct the path.' * isinstance(error, FileNotFoundError)
-        return printable(f'{error.filename}: {error.strerror}{remedy}')
-    return printable(' '.join(str(error).split()))
 
 
 def _parser() -> argparse.ArgumentParser:

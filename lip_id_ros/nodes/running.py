@@ -22,6 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from lip_id_ros.errors import LipIdError
+from lip_id_ros.escaping import one_line
 from lip_id_ros.nodes.node import NodeBase
 
 Result = TypeVar('Result')
@@ -70,7 +71,7 @@ def in_words(error: Exception) -> str:
     if isinstance(error, InvalidParameterValueException):
         # rclpy puts the value before it and the name after
         return str(error).partition('Reason: ')[2].rpartition(': ')[0]
-    return str(error)
+    return one_line(error)
 
 
 def _spare_collections() -> None:

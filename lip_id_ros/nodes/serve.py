@@ -16,6 +16,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from lip_id_ros.errors import LipIdError
+from lip_id_ros.escaping import one_line
 from lip_id_ros.feedforward.loading import (
     load_models,
     LoadedModel,
@@ -196,7 +197,7 @@ class ServeNode(NodeBase, LifecycleNode):
                 require_rules(settings, loaded)
             self._inputs.use(self._loaded, settings)
         except (LipIdError, OSError) as error:
-            self._failure = f'not configured: {error}'
+            self._failure = f'not configured: {one_line(error)}'
             self.get_logger().error(self._failure)
             self._forget()
             return TransitionCallbackReturn.FAILURE
@@ -297,7 +298,7 @@ class ServeNode(NodeBase, LifecycleNode):
             self._failure = ''
         except (LipIdError, OSError) as error:
             response.success = False
-            response.message = str(error)
+            response.message = one_line(error)
             if configured == self._n_configured:
                 self._failure = response.message
         return response

@@ -120,6 +120,14 @@ def test_gravity_is_left_out_where_the_robot_adds_its_own() -> None:
     np.testing.assert_array_equal(server.plan(NAMES, [POINT]), [TAU - [1, 2]])
 
 
+def test_the_scale_is_one_of_gravity_too() -> None:
+    at_rest = point([1, 2], [0, 0], [0, 0])
+    weight = serving().sample(NAMES, [at_rest], 0.0).tau
+    assert weight.all()
+    scaled = serving(output_scale=0.2).sample(NAMES, [at_rest], 0.0).tau
+    np.testing.assert_allclose(scaled, 0.2 * weight)
+
+
 def test_plan_with_a_foreign_joint_is_refused_and_counted() -> None:
     server = serving()
     with pytest.raises(RefusedError, match='one is not in the model'):

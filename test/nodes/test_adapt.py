@@ -151,7 +151,7 @@ def test_a_model_that_is_not_there_is_one_line(ros: Ros) -> None:
     graph, _ = ros
     node = graph.start('adapt', model_path='none.npz')
     assert node.wait() == 1
-    assert 'none.npz' in node.log
+    assert 'none.npz: No such file or directory; correct the path.' in node.log
     assert 'Traceback' not in node.log
 
 

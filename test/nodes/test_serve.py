@@ -149,7 +149,7 @@ def test_lifecycle_without_autostart(ros: Ros, model_path: str, foreign_model_pa
     assert client.state() == 'unconfigured'
     assert not client.transition(Transition.TRANSITION_CONFIGURE)
     assert client.state() == 'unconfigured'
-    assert "No such file or directory: 'model.npz'" in serve.log
+    assert 'not configured: model.npz: No such file or directory; correct the path.' in serve.log
     assert client.set_parameter('serve', 'model_path', foreign_model_path).successful
     assert not client.transition(Transition.TRANSITION_CONFIGURE)
     assert 'must be a model of the joints elbow, shoulder, but has left, right;' in serve.log
