@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 import importlib
 import os
+import time
 from typing import Any
 
 import numpy as np
@@ -41,11 +42,16 @@ TOPICS = {
 }
 
 
+LEAST_ANSWERED = 0.5
+"""Share of the references that `serve` answers also on a busy machine, where it skips some."""
+
+
 class BagRecorder:
     """Write the demo's topics into an open bag as they come; `counts` are by topic."""
 
     def __init__(self, node: Node, bag: RawBag) -> None:
         self.counts: Counter[str] = Counter()
+        self._heard_at = time.monotonic()
         self._node = node
         self._bag = bag
         self._subscriptions = [
@@ -54,6 +60,11 @@ class BagRecorder:
             )
             for topic, kind in TOPICS.items()
         ]
+
+    @property
+    def quiet_s(self) -> float:
+        """Time since the last message [s]."""
+        return time.monotonic() - self._heard_at
 
     def stop(self) -> None:
         """Write nothing more."""
@@ -64,6 +75,7 @@ class BagRecorder:
         def write(data: bytes) -> None:
             self._bag.write(topic, self._node.get_clock().now().nanoseconds, data)
             self.counts[topic] += 1
+            self._heard_at = time.monotonic()
 
         return write
 
@@ -77,10 +89,10 @@ def message_class(kind: str) -> Any:
 @dataclass(frozen=True)
 class Served:
     """
-    A stream of references and its answers, N of them in the order of time.
+    The references of a stream that were answered, N of them in the order of time.
 
     `measured` are torques measured on the arm at the same stamps [ns], `tau` those answered [N m],
-    each (N, n); energies answered have shape (N,) [J].
+    each (N, n); energies answered have shape (N,) [J]. `n_references`: with those overtaken.
     """
 
     stamps: IntArray
@@ -91,13 +103,14 @@ class Served:
     tau: Array
     kinetic: Array
     potential: Array
+    n_references: int
 
 
 def read_served(bag_path: str | os.PathLike[str], joint_names: tuple[str, ...]) -> Served:
     """
     Read the stream from a bag of the demo, with its joints in this order.
 
-    DataError if a reference was not answered, or an answer has no reference, torque or energy.
+    DataError if an answer has no reference, torque or energy, or too many references none.
     """
     with Bag(bag_path) as bag:
         references = _by_stamp(bag, REFERENCE)
@@ -117,6 +130,7 @@ def read_served(bag_path: str | os.PathLike[str], joint_names: tuple[str, ...]) 
         tau=_arrays([torques[stamp] for stamp in stamps], joint_names)[0],
         kinetic=np.array(kinetic),
         potential=np.array(potential),
+        n_references=len(references),
     )
 
 
@@ -175,12 +189,13 @@ def _arrays(entries: list[tuple[Any, ...]], joint_names: tuple[str, ...]) -> Arr
 def _require_complete(
     n_references: int, answered: set[int], kinetic: list[float], potential: list[float]
 ) -> None:
-    counts = {n_references, len(answered), len(kinetic), len(potential)}
-    if len(counts) > 1 or not n_references:
+    is_whole = len(answered) == len(kinetic) == len(potential)
+    if not is_whole or len(answered) <= LEAST_ANSWERED * n_references:
         raise DataError(
-            f'every reference needs a torque and two energies, but of {n_references} references '
-            f'{len(answered)} have a torque, and there are {len(kinetic)} kinetic and '
-            f'{len(potential)} potential energies; messages were lost, run it on an idle machine.'
+            f'a torque and two energies were expected for nearly every reference, but of '
+            f'{n_references} references {len(answered)} have a torque, and there are '
+            f'{len(kinetic)} kinetic and {len(potential)} potential energies; messages were lost, '
+            'run it on an idle machine.'
         )
 
 

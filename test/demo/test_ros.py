@@ -137,6 +137,22 @@ def test_a_lost_message_is_told(
         read_served(write(tmp_path / 'bag', content), moved[0].joint_names)
 
 
+def test_references_that_were_overtaken_are_left_out(
+    moved: tuple[Dataset, Dataset], tmp_path: Path
+) -> None:
+    exact, measured = moved
+    content = served_messages(exact, measured)
+    for topic in (TORQUE, KINETIC, POTENTIAL):
+        del content[topic][N // 2]
+    served = read_served(write(tmp_path / 'bag', content), exact.joint_names)
+    assert (len(served.stamps), served.n_references) == (N - 1, N)
+    np.testing.assert_array_equal(served.q, np.delete(exact.q[:N], N // 2, axis=0))
+    for topic in (TORQUE, KINETIC, POTENTIAL):
+        del content[topic][: N // 2]
+    with pytest.raises(DataError, match=f'of {N} references {N // 2 - 1} have a torque'):
+        read_served(write(tmp_path / 'few', content), exact.joint_names)
+
+
 def test_a_plan_without_efforts_is_told(moved: tuple[Dataset, Dataset], tmp_path: Path) -> None:
     content = served_messages(*moved)
     content[PLAN_WITH_EFFORT] = [make_plan(1)]
