@@ -101,6 +101,14 @@ def test_nodes_and_launch_files_exist(page: Path) -> None:
             assert f"'{argument}'" in known, (name, argument)
 
 
+@EACH
+def test_topics_that_are_shown_are_named_with_their_types(page: Path) -> None:
+    """Without a type, `ros2 topic echo` ends where it knows no publisher yet."""
+    text = page.read_text(encoding='utf-8').replace('\\\n', ' ')
+    for shown in re.findall('ros2 topic echo( [^`\n]+)', text):
+        assert re.search(r' /[\w/]+ +\w+/msg/\w+', shown), shown
+
+
 def test_the_readme_is_short() -> None:
     assert len((ROOT / 'README.md').read_text(encoding='utf-8').split()) <= 900
 

@@ -119,7 +119,7 @@ def test_contacts_and_changes_of_friction_are_no_payloads() -> None:
 
 
 def test_no_payload_is_found_where_the_arm_was_not_understood_before_it() -> None:
-    """A joint whose torque has a wave of three deviations: its next disturbance may be anything."""
+    """Waves of three deviations in a torque: the next disturbance may be anything."""
     model = known_model()
     adaptation, data = Adaptation(model), carried(model, 1.0)
     wave = 3.0 * NOISE * np.sin(9.0 * data.t)[:, None] * np.array([0.0, 1.0, 0.0])
