@@ -38,7 +38,8 @@ class AdaptedModel:
         model = fitted.with_rise_time(0.0)
         self.rules, self._model = rules, model
         self._arm = FollowedArm(model, WalkSettings())
-        self._walk, self._hash = self._arm.walk, fitted.fingerprint
+        # the bounds of `adapt`, whose friction has the rise time of the recording
+        self._walk, self._hash = FollowedArm(fitted, WalkSettings()).walk, fitted.fingerprint
         self._slopes = self._slopes_of_torques(model)
         self._mean = ChangingArmMean(self._arm.arm, model.residual_gp)
         self._memory = model.running_memory()

@@ -12,6 +12,7 @@ import pytest
 
 from lip_id_ros.adaptation.adapted_model import AdaptedModel
 from lip_id_ros.adaptation.follow_settings import FollowRules
+from lip_id_ros.adaptation.followed import FollowedArm, WalkSettings
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.arrays import Array
 from lip_id_ros.model import InverseDynamicsModel, Query
@@ -172,6 +173,16 @@ def test_an_update_that_is_not_to_be_followed_is_refused_and_counted(
     assert adapted.values()['refused'] == {reason.value: 1}
     np.testing.assert_array_equal(adapted.numbers, numbers_of(other))
     assert adapted.values()['received'] == 2
+
+
+def test_what_adapt_follows_at_most_is_followed_where_a_low_pass_softened_friction() -> None:
+    model = known_model().with_rise_time(0.05)
+    arm = FollowedArm(model, WalkSettings())
+    numbers = numbers_of(model)
+    numbers[arm.friction] = arm.walk.upper[-numbers[arm.friction].size :]
+    adapted = AdaptedModel(model, replace(RULES, limits=np.full(3, np.inf)))
+    adapted.take(Update(model.fingerprint, 1, numbers, True, (0.5, 1.0)).to_text(), 0.0)
+    assert adapted.values()['model'] == 'adapted'
 
 
 def test_an_update_that_is_worse_or_not_trusted_brings_the_commissioned_model_back() -> None:
