@@ -234,21 +234,26 @@ def recorded(arm: SerialArm, motion: str, seed: int) -> ZooRecording:
     both. A seed draws others for every arm.
 
     """
-    rng = np.random.default_rng([seed, crc32(arm.description.text.encode())])
-    unseen = _random_motion(arm.limits, rng)
-    simulated = _with_drives(arm, unseen, rng)
-    seen = (
-        _periodic_motion(arm.limits, rng)
-        if motion == 'periodic'
-        else _random_motion(arm.limits, rng)
-    )
+    simulated, seen, unseen, rng = drawn(arm, motion, seed)
     t = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
     std = NOISE * simulated.inverse_dynamics(*seen.sample(t)).std(axis=0)
     train, test = (make_dataset(simulated, each, t, std, rng) for each in (seen, unseen))
     return ZooRecording(train, test, simulated.friction)
 
 
-def _random_motion(limits: MotionLimits, rng: np.random.Generator) -> SinusoidTrajectory:
+def drawn(
+    arm: SerialArm, motion: str, seed: int
+) -> tuple[SimulatedZooArm, SinusoidTrajectory, SinusoidTrajectory, np.random.Generator]:
+    """Return the arm with its drives, the motion to learn from, the unseen one, and the rest."""
+    rng = np.random.default_rng([seed, crc32(arm.description.text.encode())])
+    unseen = random_motion(arm.limits, rng)
+    simulated = _with_drives(arm, unseen, rng)
+    periodic = motion == 'periodic'
+    seen = (_periodic_motion if periodic else random_motion)(arm.limits, rng)
+    return simulated, seen, unseen, rng
+
+
+def random_motion(limits: MotionLimits, rng: np.random.Generator) -> SinusoidTrajectory:
     """Draw a motion that takes the minute before it repeats."""
     return SinusoidTrajectory.random(limits, rng, round(FASTEST_HZ * SECONDS), 1.0 / SECONDS)
 

@@ -1,0 +1,126 @@
+"""
+Contacts on simulated arms of many robots: found, missed, invented, and where the monitor is blind.
+
+Each arm is fitted to a minute of the zoo. Its monitor learns deviations in another minute at 100
+Hz, is watched in a third, and each joint is pushed for half a second, four times, in a fourth.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks._zoo import drawn, load_arm, NOISE, random_motion, SimulatedZooArm, ZOO
+from benchmarks.contact import Contacts, delay, judged, LASTS, NO_ERROR
+from lip_id_ros.arrays import Array
+from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.monitoring import ContactDetector, external_torques, ExternalTorque
+from lip_id_ros.simulation.arm import panda_urdf
+from lip_id_ros.simulation.datasets import make_dataset
+from lip_id_ros.simulation.trajectories import SinusoidTrajectory
+from lip_id_ros.workflow.fit import fit
+
+ARMS = ('UR3', 'UR5', 'UR10', 'Kinova', 'xArm7', 'Z1', 'TALOS', 'Baxter', 'TIAGo Pro', 'PR2')
+SIZES = (1.0, 5.0, 20.0)
+"""Of the contacts [N m]."""
+
+LEARN_HZ, RATE_HZ, FREE_S, RESOLUTION = 25.0, 100.0, 60.0, 2.0 * np.pi / 2**18
+"""Rates of what is learned from and of the monitor, and of positions [rad]."""
+
+
+def main(arguments: list[str]) -> int:
+    """Print a line for each arm and size."""
+    parser = argparse.ArgumentParser(prog='benchmarks zoo_contacts', description=__doc__)
+    parser.add_argument('--arms', nargs='+', choices=ZOO, default=list(ARMS))
+    parser.add_argument('--sizes', nargs='+', type=float, default=list(SIZES))
+    parser.add_argument('--seed', type=int, default=0)
+    options = parser.parse_args(arguments)
+    for name in options.arms:
+        for line in figures(name, options.sizes, options.seed):
+            print(json.dumps({'arm': name, **line}), flush=True)
+    return 0
+
+
+def figures(name: str, sizes: list[float], seed: int) -> list[dict[str, object]]:
+    """Return what became of contacts of each size [N m]."""
+    arm = load_arm(Path(panda_urdf().parents[2]) / ZOO[name].urdf, ZOO[name].first, ZOO[name].last)
+    simulated, seen, _, rng = drawn(arm, 'random', seed)
+    learned = np.arange(FREE_S * LEARN_HZ) / LEARN_HZ
+    std = NOISE * simulated.inverse_dynamics(*seen.sample(learned)).std(axis=0)
+    model = fit(make_dataset(simulated, seen, learned, std, rng))
+    n = arm.limits.n_joints
+
+    def stream(contacts: Contacts | None) -> tuple[Array, ...]:
+        return measured(simulated, random_motion(arm.limits, rng), contacts, std, rng)
+
+    calibration, free = (watched(model, stream(None)) for _ in range(2))
+    lines = []
+    for size in sizes:
+        detector = ContactDetector.calibrated(model.joint_names, calibration, size, NO_ERROR)
+        contacts = Contacts(n, size)
+        pushed = stream(contacts)
+        line = found(model, detector, contacts, pushed)
+        flags = judged(detector, free)[2]
+        lines.append({'torque': size, 'false_flags': int(flags.any(axis=1).sum()), **line})
+    return lines
+
+
+def measured(
+    arm: SimulatedZooArm,
+    motion: SinusoidTrajectory,
+    contacts: Contacts | None,
+    noise: Array,
+    rng: np.random.Generator,
+) -> tuple[Array, ...]:
+    """Return t, q, dq and tau of an arm that keeps to its motion, and its true velocities."""
+    seconds = FREE_S if contacts is None else contacts.duration
+    t = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
+    q, dq, ddq = motion.sample(t)
+    tau = arm.inverse_dynamics(q, dq, ddq) + noise * rng.standard_normal(q.shape)
+    if contacts is not None:
+        tau -= np.array([contacts(each) for each in t])
+    positions = RESOLUTION * np.round(q / RESOLUTION)
+    return t, positions, np.gradient(positions, t, axis=0), tau, dq
+
+
+def watched(model: InverseDynamicsModel, stream: tuple[Array, ...]) -> list[ExternalTorque]:
+    """Return the external torques that the monitor estimates."""
+    t, q, dq, tau, _ = stream
+    return external_torques(model, t, q, dq, tau)
+
+
+def found(
+    model: InverseDynamicsModel,
+    detector: ContactDetector,
+    contacts: Contacts,
+    pushed: tuple[Array, ...],
+) -> dict[str, object]:
+    """Return counts of contacts: of all, of slow and fast joints, and where it saw nothing."""
+    t, _, _, tau, dq = pushed
+    _, _, flags, blind = judged(detector, watched(model, pushed))
+    fast = np.sqrt(np.mean(dq**2, axis=0))
+    rows = []
+    for joint in range(contacts.n_joints):
+        for begin in contacts.begins(joint):
+            during = (t >= begin) & (t < begin + LASTS)
+            after = delay(t, flags[:, joint], begin)
+            is_fast = np.abs(dq[during, joint]).mean() > fast[joint]
+            rows.append((after, bool(blind[during, joint].mean() > 0.5), bool(is_fast)))
+    seen = [row for row in rows if not row[1]]
+    delays = [1e3 * row[0] for row in seen if row[0] is not None]
+
+    def share(some: list[tuple[float | None, bool, bool]]) -> str:
+        return f'{sum(row[0] is not None for row in some)} of {len(some)}'
+
+    return {
+        'found': share(rows),
+        'found_where_it_sees': share(seen),
+        'of_fast_joints': share([row for row in seen if row[2]]),
+        'delay_ms': round(float(np.median(delays))) if delays else None,
+        'blind_percent': round(100.0 * float(blind.mean())),
+        'largest_torque': round(float(np.abs(tau).max()), 1),
+    }
