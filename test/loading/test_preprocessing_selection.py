@@ -77,9 +77,10 @@ def true_error(recorded: SimulatedRecording, cutoff: float) -> float:
     return float(np.mean(np.std(found - truth, axis=0) / truth.std(axis=0)))
 
 
-def test_efforts_are_shifted_back_by_fractions_of_a_sample() -> None:
+@pytest.mark.parametrize('delay_s', [0.0137, 0.3, -0.3])
+def test_efforts_are_shifted_back_to_the_ends_of_a_segment(delay_s: float) -> None:
     t = uniform(3000, 100.0)
-    late = np.array([0.0, 0.0137])
+    late = np.array([0.0, delay_s])
     samples = recording(t)
     torque = np.stack([recording(t - d).effort[:, j] for j, d in enumerate(late)], axis=1)
     delayed = replace(samples, effort=torque)

@@ -79,7 +79,9 @@ class MovedArm(Node):
         friction = VISCOUS * dq + COULOMB * np.tanh(dq / WIDTH)
         tau = load + friction + NOISE * self._rng.standard_normal(len(q))
         now = self.get_clock().now().to_msg()
-        self._states.publish(messages.joint_state_message(now, JOINTS, q, dq, tau))
+        # as drivers do, in an order that is not that of the motion
+        values = (each[::-1] for each in (q, dq, tau))
+        self._states.publish(messages.joint_state_message(now, JOINTS[::-1], *values))
 
     def _state(self) -> Array:
         if self._plan is None:

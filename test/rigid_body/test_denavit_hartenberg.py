@@ -137,6 +137,21 @@ def test_deviations_of_the_table() -> None:
     np.testing.assert_allclose(table_std(chain, turn), expected, atol=1e-8)
 
 
+def test_deviations_of_opposite_axes_are_those_of_parallel_ones() -> None:
+    """A twist of half a turn becomes one of minus half a turn."""
+    turn = np.zeros((18, 1))
+    turn[6] = 0.1  # of the second axis, about the line between both
+    found = []
+    for twist in (0.0, np.pi):
+        angles = np.array([0.0, twist, 0.5 * np.pi])
+        rotations = Rotation.from_rotvec(np.outer(angles, [1.0, 0.0, 0.0])).as_matrix()
+        translations = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
+        chain = Chain(rotations, translations, np.zeros(3, dtype=bool), UP)
+        found.append(table_std(chain, turn))
+    np.testing.assert_allclose(found[0].twist[1], 0.1, rtol=1e-6)
+    np.testing.assert_allclose(found[1].twist, found[0].twist, rtol=1e-6)
+
+
 def standard_table(chain: Chain) -> DenavitHartenberg:
     return table(with_standard_frames(chain, np.zeros((3, LINK_PARAMETERS)))[0])
 

@@ -66,7 +66,7 @@ def test_truth_is_found_again_by_time(
     dataset: Dataset, arm: SimulatedArm, trajectory: SinusoidTrajectory
 ) -> None:
     measured = Dataset(
-        t=dataset.t[7:90] + 1e6,
+        t=dataset.t[7:90] + 1234.5,
         q=dataset.q[7:90],
         dq=dataset.dq[7:90],
         ddq=dataset.ddq[7:90],
@@ -76,7 +76,7 @@ def test_truth_is_found_again_by_time(
         segment=dataset.segment[7:90],
     )
 
-    known = with_truth(measured, arm, trajectory, start=1e6)
+    known = with_truth(measured, arm, trajectory, start=1234.5)
 
     assert known.tau_noiseless is not None
     assert known.kinetic is not None
