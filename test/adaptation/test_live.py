@@ -220,6 +220,16 @@ def test_an_arm_at_rest_and_one_out_of_its_range_are_counted_as_such(path: str) 
     assert found.values()['learned'] == 0
 
 
+def test_a_joint_that_has_just_turned_teaches_nothing(path: str) -> None:
+    found = live(path, cutoff_hz=1.0)
+    for number, message in enumerate(states(known_model(), 5.0, rest=True)):
+        found.take(message._replace(velocity=[-0.5 if number % 2 else 1.5] * 3))
+    found.step(1.0, 1001.0)
+    values = found.values()
+    assert values['resting'] > 20
+    assert values['learned'] == values['disturbed'] == 0
+
+
 def standing_at(q: float, start: float = 0.0) -> Iterator[JointMessage]:
     """Yield joint states of an arm whose joints stand at a position [rad]."""
     for message in states(known_model(), 5.0, start, rest=True):
