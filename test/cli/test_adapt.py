@@ -71,6 +71,15 @@ def test_a_pause_is_a_time(day: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert 'number of seconds' in capsys.readouterr().err
 
 
+def test_what_was_learned_returns_to_the_fit_in_a_long_pause(day: Path, tmp_path: Path) -> None:
+    errors, figures = [], tmp_path / 'figures.json'
+    for pause in ('0', '1e7'):
+        sources = [str(day / name) for name in ('arm.npz', 'warm.npz', 'cold.npz')]
+        assert main(['adapt', *sources, '--pause', pause, '--json', str(figures)]) == 0
+        errors.append(json.loads(figures.read_text())['recordings'][1]['nmse_percent'])
+    assert np.greater(errors[0], np.multiply(1.5, errors[1])).all()
+
+
 def test_figures_of_torques_that_do_not_vary_are_none(day: Path, tmp_path: Path) -> None:
     """A recording of one sample has no variance to compare errors with."""
     Dataset.load(day / 'cold.npz').select(np.arange(1)).save(tmp_path / 'one.npz')

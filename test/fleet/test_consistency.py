@@ -67,6 +67,12 @@ def test_recordings_of_one_arm_agree(count: int, noise: float, seed: int) -> Non
     assert judged(recordings([0.0] * count, seed, noise)) is None
 
 
+@pytest.mark.parametrize('seed', range(3))
+def test_recordings_of_one_arm_agree_that_are_too_short_to_tell(seed: int) -> None:
+    data = [each.select(np.arange(20)) for each in recordings([0.0] * 3, seed, 0.1)]
+    assert judged(data) is None
+
+
 def test_a_load_that_is_taken_up_midway_is_found() -> None:
     before, after = recordings([0.0] * 3, 7), recordings([2.0] * 3, 7)
     late = np.arange(before[1].n_samples) >= before[1].n_samples // 2

@@ -244,6 +244,15 @@ def test_deviations_are_those_of_the_free_motion() -> None:
     np.testing.assert_array_equal(calibrated(20.0, error=0.4).deviation.shares[1], 0.4)
 
 
+def test_large_torques_do_not_hide_the_deviation_at_small_ones() -> None:
+    rng = np.random.default_rng(4)
+    terms = np.zeros((4000, 4, 1))
+    terms[:, 0], terms[:, 1, 0] = 1.0, 10.0 ** rng.uniform(-2.0, 3.0, 4000)
+    std = np.sqrt(0.04 + 0.09 * terms[:, 1])
+    shares = Deviation.fitted(std * rng.standard_normal(std.shape), terms, 0.0).shares
+    np.testing.assert_allclose(shares[:2, 0], [0.2, 0.3], rtol=0.1)
+
+
 def test_a_contact_exceeds_deviations_and_a_fifth_of_the_smallest_of_interest() -> None:
     detector = ContactDetector(Deviation(np.array([[0.1], [0.0], [0.0], [0.0]])), np.array([1.0]))
     terms = np.ones((4, 1))
