@@ -17,6 +17,7 @@ import numpy as np
 from benchmarks._zoo import drawn, load_arm, NOISE, random_motion, SimulatedZooArm, ZOO
 from benchmarks.contact import Contacts, delay, judged, LASTS, NO_ERROR
 from lip_id_ros.arrays import Array
+from lip_id_ros.errors import DataError
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.monitoring import ContactDetector, external_torques, ExternalTorque
 from lip_id_ros.simulation.arm import panda_urdf
@@ -58,9 +59,13 @@ def figures(name: str, sizes: list[float], seed: int) -> list[dict[str, object]]
         return measured(simulated, random_motion(arm.limits, rng), contacts, std, rng)
 
     calibration, free = (watched(model, stream(None)) for _ in range(2))
-    lines = []
+    lines: list[dict[str, object]] = []
     for size in sizes:
-        detector = ContactDetector.calibrated(model.joint_names, calibration, size, NO_ERROR)
+        try:
+            detector = ContactDetector.calibrated(model.joint_names, calibration, size, NO_ERROR)
+        except DataError as error:  # too small for this arm
+            lines.append({'torque': size, 'refused': str(error)})
+            continue
         contacts = Contacts(n, size)
         pushed = stream(contacts)
         line = found(model, detector, contacts, pushed)
