@@ -110,6 +110,10 @@ def test_delays_of_single_joints_or_one_of_all_whichever_are_fewer() -> None:
     np.testing.assert_array_equal(
         fewest(0.0105, 1e-4, alike, error, most), [0.0105, 0.0105, 0.0105, 0.016]
     )
+    as_many = np.array([0.010, 0.010, 0.001])
+    np.testing.assert_array_equal(
+        fewest(0.0105, 1e-4, as_many, error[:3], most), [0.010, 0.010, 0.0]
+    )
     unsure = np.array([0.002, 0.001, 0.002, 0.003])  # together they are sure
     np.testing.assert_array_equal(fewest(0.002, 1e-4, unsure, error, most), np.full(4, 0.002))
     np.testing.assert_array_equal(fewest(0.002, 1e-3, unsure, error, most), np.zeros(4))
