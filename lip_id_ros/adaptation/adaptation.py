@@ -22,6 +22,7 @@ from lip_id_ros.adaptation.payloads import (
     BODY,
     known_payload,
     LONGEST_S,
+    NUMBERS,
     Payload,
     payload_of,
     PayloadEvent,
@@ -168,15 +169,20 @@ class Adaptation:
 
     def reset(self) -> None:
         """Forget what was learned and all payloads: the arm is as it was commissioned."""
+        carried = self._carried
         self.arm.carry(np.zeros(BODY))
         self._begin(self._walk.variance)
         self.payload = None
+        if carried is not None:
+            self._tell_payload()
 
     def state(self) -> dict[str, Array]:
         """Return what was learned, for `resume`."""
         found = np.zeros(0) if self.payload is None else self.payload.to_array()
+        numbers = self.numbers.copy()
+        numbers[self._last] -= self._body  # one that is not known yet is found anew
         return {
-            'numbers': self.numbers,
+            'numbers': numbers,
             'covariance': self.covariance,
             'announced': self._announced,
             'found': self._found,
@@ -197,13 +203,17 @@ class Adaptation:
             for name, shape in kinds.items()
         ):
             raise ValueError('arrays of other shapes, or numbers that are not finite')
-        self.reset()
+        found = state.get('payload', np.zeros(0))
+        if found.shape not in ((0,), (NUMBERS,)) or not np.isfinite(seconds):
+            raise ValueError('a payload or a time that is none')
         self.arm.carry(state['announced'])
+        self._begin(self._walk.variance)
         self.numbers, self.covariance = state['numbers'].copy(), state['covariance'].copy()
         self._found, self._inflations = state['found'].copy(), state['inflations'].copy()
-        found = state.get('payload', np.zeros(0))
         self.payload = Payload.from_array(found) if found.size else None
-        self.pause(seconds)
+        self.pause(max(seconds, 0.0))
+        if self._carried is not None:
+            self._tell_payload()
 
     def pause(self, seconds: float) -> None:
         """Let a time without samples pass [s]; the next sample may be of another clock."""
@@ -226,9 +236,18 @@ class Adaptation:
         self.numbers = self.arm.possible(self.numbers, self.covariance)
         self._drop()
         self.payload = None
-        none = np.zeros(3)
-        known = Payload(mass, 0.0, np.asarray(centre, dtype=np.float64), none) if mass else None
-        self.payload_events.append(PayloadEvent(self._t, known))
+        self._tell_payload()
+
+    @property
+    def _carried(self) -> Payload | None:
+        """The payload that was found, or else the one that was announced."""
+        mass = self.announced_mass
+        if self.payload is not None or not mass:
+            return self.payload
+        return Payload(mass, 0.0, self._announced[1:4] / mass, np.zeros(3))
+
+    def _tell_payload(self) -> None:
+        self.payload_events.append(PayloadEvent(self._t, self._carried))
 
     @property
     def announced_mass(self) -> float:
@@ -415,7 +434,7 @@ class Adaptation:
             self._begin(AFTER**2 * self._walk.variance)
             if self.payload is not None:
                 self.payload = None
-                self.payload_events.append(PayloadEvent(self._t, None))
+                self._tell_payload()
 
     def _widen(self, steps: Array, residual: Array, variance: Array) -> None:
         """Learn how much larger errors of torques (N, n) are than the filter knows."""
@@ -434,7 +453,7 @@ class Adaptation:
             self._found, self.payload = whole, payload_of(whole, self._watch.covariance)
             left = self._watch.left_of_joints
             self._inflations = np.maximum(self._inflations * left, 1.0)
-        self.payload_events.append(PayloadEvent(self._t, self.payload))
+        self._tell_payload()
 
     def _steps(self, t: Array) -> Array:
         """Return the time since the sample before, shape (N,) [s]."""

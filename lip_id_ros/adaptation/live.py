@@ -25,7 +25,7 @@ from lip_id_ros.signals.joints import Refusal, RefusedError, require_joints, req
 from lip_id_ros.signals.status import in_words, Level, Status, Tally
 
 SILENCE_S = 2.0
-"""After so long without a joint state nobody knows whether an update still holds."""
+"""After so long without a usable joint state nobody knows whether an update still holds."""
 
 OUTCOMES = ('learned', 'held', 'disturbed', 'resting', 'settling', 'stuck')
 """Keys of the status, in the order of the outcomes of the filter."""
@@ -143,8 +143,8 @@ class LiveAdaptation:
         self._outcomes = Counter(dict.fromkeys(OUTCOMES, 0))
         self._waiting: deque[tuple[bool, float, Array]] = deque()
         self._last_t, self._jumps = -np.inf, 0
-        self._received_at: float | None = None
-        self._n_received = self._counter = 0
+        self._used_at: float | None = None
+        self._n_used = self._counter = 0
         self._saved_at, self._failure, self._note = now, '', ''
         self._found: list[Change] = []
         self._beyond: tuple[str, ...] = ()
@@ -208,8 +208,9 @@ class LiveAdaptation:
         `now`: on any steady clock [s]. `clock`: that of the computer [s].
 
         """
-        if self._tally.received > self._n_received or self._received_at is None:
-            self._n_received, self._received_at = self._tally.received, now
+        used = self._tally.used.total()
+        if used > self._n_used or self._used_at is None:
+            self._n_used, self._used_at = used, now
         self._learn()
         self._found = changes(self._adaptation)
         arm = self._adaptation.arm
@@ -267,9 +268,7 @@ class LiveAdaptation:
         self._outcomes.update(OUTCOMES[k] for k in followed.outcome.tolist())
 
     def _update(self, now: float) -> Update | None:
-        if self._received_at is None or not self._tally.received:
-            return None
-        if now - self._received_at > SILENCE_S:
+        if self._used_at is None or not self._n_used or now - self._used_at > SILENCE_S:
             return None
         self._counter += 1
         own = self._adaptation
@@ -305,20 +304,21 @@ class LiveAdaptation:
 
     def status(self, now: float) -> Status:
         """Return the state and all counts; `now` as for `step`."""
-        silence = 0.0 if self._received_at is None else now - self._received_at
+        silence = 0.0 if self._used_at is None else now - self._used_at
         refused = self._tally.new_refusals()
+        trouble = f'joint states refused: {in_words(refused)}' if refused else 'no joint states'
         level, summary = Level.OK, 'following' if self._is_trusted else 'as commissioned'
         if self._beyond:
             level, summary = Level.ERROR, '; '.join(map(self._too_far, self._beyond))
-        elif silence > SILENCE_S or not self._tally.received:
-            level, summary = Level.WARN, 'no joint states: no updates'
+        elif silence > SILENCE_S or not self._n_used:
+            level, summary = Level.WARN, f'{trouble}: no updates'
         elif self._failure or self._note:
             level, summary = Level.WARN, self._failure or self._note
         elif self._alarming():
             sentences = ' '.join(each.sentence() for each in self._alarming())
             level, summary = Level.WARN, sentences
         elif refused:
-            level, summary = Level.WARN, f'joint states refused: {in_words(refused)}'
+            level, summary = Level.WARN, trouble
         return Status(level, summary, self.values())
 
     @property

@@ -19,6 +19,9 @@ from lip_id_ros.arrays import Array
 BODY = 10
 """Numbers of a body: mass, first moments, inertias xx xy xz yy yz zz."""
 
+NUMBERS = 8
+"""Of a payload: mass, centre of mass, and their deviations."""
+
 PRIOR_STD = np.array([5.0, *3 * (1.0,), *6 * (0.3,)])
 """Of these numbers [kg, kg m, kg m^2]."""
 
@@ -63,7 +66,11 @@ class Payload:
 
 @dataclass(frozen=True)
 class PayloadEvent:
-    """At a time [s]: a payload that was taken up, or None where the last link is as in the fit."""
+    """
+    A payload that was taken up, or None where the last link is as in the fit.
+
+    `t`: time [s], no number before the first sample.
+    """
 
     t: float
     payload: Payload | None
@@ -86,10 +93,11 @@ class PayloadEvent:
 
     def sentence(self) -> str:
         """Return what happened."""
+        payload = 'The payload' if np.isnan(self.t) else f'At {self.t:.1f} s the payload'
         if self.payload is None:
-            return f'At {self.t:.1f} s the payload is gone.'
+            return f'{payload} is gone.'
         own = self.payload
-        found = f'At {self.t:.1f} s the payload is {own.mass:.3g} ± {own.mass_std:.2g} kg'
+        found = f'{payload} is {own.mass:.3g} ± {own.mass_std:.2g} kg'
         if np.isnan(own.centre).any():
             return f'{found}, its centre of mass unknown.'
         pairs = zip(own.centre, own.centre_std, strict=True)

@@ -27,9 +27,11 @@ _UNITS = pseudo_inertia(np.eye(_BODY))
 
 def can_exist(links: Array) -> bool:
     """Return whether bodies can have the parameters (n, 11)."""
-    return bool(
-        (links[:, -1] > 0.0).all() and (np.linalg.eigvalsh(pseudo_inertia(links)) > 0).all()
-    )
+    with np.errstate(over='ignore', invalid='ignore'):
+        inertia = pseudo_inertia(links)
+    if not np.isfinite(inertia).all():
+        return False
+    return bool((links[:, -1] > 0.0).all() and (np.linalg.eigvalsh(inertia) > 0.0).all())
 
 
 class PossibleArms:

@@ -23,8 +23,8 @@ from lip_id_ros.progress import Progress, silent
 
 ROW_HEIGHT, WINDOW_S, MINUTE = 1.6, 5.0, 60.0
 ERRORS = (
-    'Root mean square errors of torques in windows of 5 s: of the fit (grey), and of what was '
-    'expected of each sample before it was learned from (blue).'
+    'Root mean square errors of torques in windows of 5 s: of the fit (grey), and of the arm that '
+    'is followed, before it learns from a sample (blue). It is the fit until it is trusted.'
 )
 FRICTION = (
     'Friction of each joint at a usual speed, with two standard deviations; dashed: as fitted.'

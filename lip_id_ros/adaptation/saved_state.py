@@ -45,9 +45,9 @@ def resume(path: str, adaptation: Adaptation, now: float) -> int:
     try:
         arrays, header = read_npz(path)
         _check(header, adaptation.commissioned.fingerprint)
-        counter, seconds = int(header['counter']), max(now - float(header['saved_at']), 0.0)
+        counter, seconds = int(header['counter']), now - float(header['saved_at'])
         adaptation.resume(_numbers(arrays), seconds)
-    except (ValueError, TypeError, KeyError) as error:
+    except (ValueError, TypeError, KeyError, OverflowError) as error:
         kept = _put_aside(Path(path))
         raise SourceError(
             f'{path} must be what adapt has saved of this model, but has {error}; it is kept as '

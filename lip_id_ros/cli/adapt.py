@@ -25,7 +25,12 @@ it, so that the errors are those of a model that follows the arm while it works.
 PAUSE_S = 600.0
 MEANING = (
     'Learned from: samples in motion, undisturbed and within the ranges of the fit. Trusted: what '
-    'was learned had been better for some 15 s of motion; until then the fit itself is followed.'
+    'was learned had been better for some 15 s of motion; until then the fit itself is followed. '
+    'Within 2 std: of what the filter expected, trusted or not.'
+)
+UNTRUSTED = (
+    'What was learned is not trusted at the end: the arm as it is now is still that of the fit. '
+    'Adapt to more recordings.'
 )
 
 
@@ -67,6 +72,8 @@ def run(args: argparse.Namespace) -> None:
         tables = _tables(found)
         lines = [MEANING, *(each.sentence() for each in found.adaptation.payload_events)]
         lines += change_lines(changes(found.adaptation))
+        if not found.adaptation.is_trusted:
+            lines.append(UNTRUSTED)
         if args.report:
             from lip_id_ros.adaptation.report import write_report
 

@@ -326,6 +326,7 @@ class Monitor:
         if judged.touched.any():
             self._n_contacts += int(t > self._contact_until)
             self._contact_until = t + self._settings.hold_s
+            return True
         # a clock that was set back must not hold a contact for ever
         return bool(0.0 <= self._contact_until - t <= self._settings.hold_s)
 

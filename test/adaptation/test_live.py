@@ -18,6 +18,7 @@ from lip_id_ros.adaptation.follow_settings import FollowRules
 from lip_id_ros.adaptation.live import AdaptSettings, LiveAdaptation, payload_values, Step
 from lip_id_ros.adaptation.payloads import known_payload
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.model import EffortCalibration, InverseDynamicsModel
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joints import Refusal, RefusedError
@@ -149,6 +150,27 @@ def test_a_state_that_cannot_be_used_is_kept_aside(path: str, kind: str) -> None
     assert found.status(1.0).level is Level.WARN
 
 
+@pytest.mark.parametrize(
+    ('key', 'value'),
+    [
+        *(('saved_at', x) for x in (np.nan, np.inf, -np.inf)),
+        *(('counter', x) for x in (np.nan, np.inf)),
+        *(('payload', np.ones(k)) for k in (1, 3)),
+    ],
+)
+def test_a_state_with_a_part_that_is_none_is_kept_aside(path: str, key: str, value: Any) -> None:
+    state = path.replace('model', 'state')
+    live(path).save(1000.0)
+    arrays, header = read_npz(state)
+    of_file = arrays if key in arrays else header
+    of_file[key] = value
+    write_npz(state, arrays, header)
+    found = live(path)
+    assert 'it is kept as' in found.values()['note']
+    feed(found, states(known_model(), 3.0))
+    assert np.isfinite(found.values()['error_adapted'])
+
+
 def test_a_disk_that_fails_is_in_the_status(path: str, tmp_path: Path) -> None:
     found = live(path, state_path=str(tmp_path / 'none' / 'state.npz'))
     feed(found, states(known_model(), 3.0))
@@ -174,11 +196,32 @@ def test_an_announced_payload_is_in_the_update_at_once_and_a_reset_takes_it_off(
     assert found.values()['announced_kg'] == pytest.approx(0.5)
     again = live(path)
     assert again.values()['announced_kg'] == pytest.approx(0.5)
+    told = again.step(0.0, 1000.0).payloads[0].payload
+    assert told is not None
+    assert told.mass == pytest.approx(0.5)
     found.reset(1002.0)
     step = found.step(1.6, 1001.6)
     assert step.update is not None
+    assert [each.payload for each in step.payloads] == [None]
     np.testing.assert_array_equal(step.update.numbers[: links.size], links.ravel())
     assert live(path).values()['announced_kg'] == 0.0
+
+
+def test_a_payload_is_announced_before_the_first_joint_state(path: str) -> None:
+    found = live(path, payload_mass=0.5)
+    assert found.announce(True, 1000.0).startswith('The payload is 0.5 ± 0 kg')
+    assert found.announce(False, 1000.0) == 'The payload is gone.'
+
+
+def test_updates_stop_where_no_joint_state_can_be_used(path: str) -> None:
+    found = live(path)
+    feed(found, states(known_model(), 3.0))
+    for message in states(known_model(), 3.0, start=3.0):
+        with pytest.raises(RefusedError):
+            found.take(message._replace(effort=[np.nan] * 3))
+    assert found.step(4.0, 1004.0).update is None
+    summary = found.status(4.0).summary
+    assert summary == 'joint states refused: value not finite 150: no updates'
 
 
 def test_a_known_payload_is_no_disturbance(path: str) -> None:

@@ -220,3 +220,19 @@ def test_a_body_that_no_link_can_carry_becomes_the_nearest_that_one_can() -> Non
     found = arm.possible_body(link, wrong, information)
     assert can_exist(np.append(link + found, model.arm.links[-1, -1])[None])
     np.testing.assert_allclose(found[:4], wrong[:4], atol=5e-3)
+
+
+def test_a_payload_that_is_not_known_yet_is_not_kept_over_a_restart() -> None:
+    """It would be a part of the arm, and nothing that can be put down."""
+    adaptation = Adaptation(known_model())
+    data = carried(known_model(), 3.0)
+    first = next(
+        k for k in range(0, data.t.size, 5)
+        if (adaptation.update(*(x[k : k + 5] for x in data)).outcome == SETTLING).any()
+    )  # fmt: skip
+    again = Adaptation(known_model())
+    again.resume(adaptation.state(), 0.0)
+    again.update(*(x[first + 5 :] for x in data))
+    taken, put = again.payload_events
+    assert taken.payload is not None
+    assert put.payload is None

@@ -100,3 +100,7 @@ def test_bodies_can_exist_and_their_negatives_cannot() -> None:
     links = random_bodies(3, np.random.default_rng(1))
     assert can_exist(links)
     assert not can_exist(-links)
+
+
+def test_inertias_whose_sum_is_no_number_cannot_exist() -> None:
+    assert not can_exist(np.full((1, 11), 1e308))

@@ -65,6 +65,20 @@ def test_an_arm_that_has_not_changed_is_said_to_be_the_same(
     assert 'No friction now differs surely' in capsys.readouterr().out
 
 
+def test_a_model_that_is_still_the_fit_is_said_to_be_so(
+    day: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = Dataset.load(day / 'warm.npz')
+    data.select(data.t < 8.0).save(tmp_path / 'short.npz')
+    now = tmp_path / 'now.npz'
+    assert main(['adapt', str(day / 'arm.npz'), str(tmp_path / 'short.npz'), '-o', str(now)]) == 0
+    assert 'is not trusted at the end' in ' '.join(capsys.readouterr().out.split())
+    fitted, found = (InverseDynamicsModel.load(path).arm for path in (day / 'arm.npz', now))
+    assert fitted is not None
+    assert found is not None
+    np.testing.assert_array_equal(found.friction.coefficients, fitted.friction.coefficients)
+
+
 def test_a_pause_is_a_time(day: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(['adapt', str(day / 'arm.npz'), str(day / 'cold.npz'), '--pause', '-1'])

@@ -84,6 +84,16 @@ def test_deviations_can_be_given_and_are_what_the_status_has(path: str) -> None:
     assert any(each.contact for each in take(watching, range(300, 310), contact=1.0))
 
 
+@pytest.mark.parametrize('hold_s', [0.0, 0.2, 0.7])
+def test_what_touches_is_a_contact_however_long_it_is_held(path: str, hold_s: float) -> None:
+    watching = monitor(path, hold_s=hold_s, deviation_constant=(0.2,), deviation_torque=(0.0,))
+    take(watching, range(300))
+    pushed = take(watching, range(300, 330), contact=1.0)
+    touching = [each.contact for each in pushed if each.judged and each.judged.touched.any()]
+    assert touching
+    assert all(touching)
+
+
 def test_energy_and_its_balance(path: str) -> None:
     watching = monitor(path)
     free = take(watching, range(400))
