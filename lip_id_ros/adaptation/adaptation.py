@@ -236,7 +236,9 @@ class Adaptation:
         self.numbers = self.arm.possible(self.numbers, self.covariance)
         self._drop()
         self.payload = None
-        self._tell_payload()
+        at = np.asarray(centre, dtype=np.float64)
+        known = Payload(mass, 0.0, at, np.zeros(3)) if mass else None
+        self.payload_events.append(PayloadEvent(self._t, known))
 
     @property
     def _carried(self) -> Payload | None:
