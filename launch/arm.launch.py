@@ -6,22 +6,19 @@ for the model that `train` writes, unless `autostart` is true.
 
 """
 
-from ament_index_python.packages import get_package_share_path
 from launch import LaunchDescription
-from launch.actions import IncludeLaunchDescription
-from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 
 from lip_id_ros.nodes.launch_arguments import (
     argument,
     AS_IN_FILE,
     common_arguments,
+    included,
     JOINT_STATES,
     node,
     start,
 )
 
-SHARED = ('params_file', 'namespace', 'joint_states', 'use_sim_time')
 TOPICS = (
     ('desired_trajectory', '~/desired_trajectory', 'Topic of the references and plans.'),
     ('trajectory_with_effort', '~/trajectory_with_effort', 'Topic of plans with efforts.'),
@@ -29,7 +26,6 @@ TOPICS = (
 
 
 def generate_launch_description() -> LaunchDescription:
-    train = get_package_share_path('lip_id_ros') / 'launch' / 'train.launch.py'
     topics = (JOINT_STATES, *TOPICS)
     return LaunchDescription(
         [
@@ -48,14 +44,7 @@ def generate_launch_description() -> LaunchDescription:
                     given={'model_path': str, 'autostart': bool},
                     defaults={'autostart': False},
                 ),
-                included=[
-                    IncludeLaunchDescription(
-                        PythonLaunchDescriptionSource(str(train)),
-                        launch_arguments={
-                            each: LaunchConfiguration(each) for each in SHARED
-                        }.items(),
-                    )
-                ],
+                included=[included('train.launch.py')],
             ),
         ]
     )

@@ -132,7 +132,7 @@ def judged(output: Path, progress: Progress) -> Evaluation:
         ('graph', 'simulated_panda, train and serve, each in its own process'),
         (
             'answers',
-            f'of {len(served.stamps)} references of {served.n_references}; a late one is skipped',
+            f'{len(served.stamps)} of {served.n_references} references; late ones are skipped',
         ),
     )
     return report(output / REPORT, model, outcome_of(served, arm, model), facts, progress)

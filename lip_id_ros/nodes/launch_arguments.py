@@ -9,7 +9,8 @@ from typing import Any
 
 from ament_index_python.packages import get_package_share_path
 from launch import Action, LaunchContext
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -27,6 +28,9 @@ KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number'}
 
 MakeNode = Callable[[LaunchContext], list[Node]]
 """Makes a node from the arguments of a launch; ConfigError if one of them is wrong."""
+
+SHARED = ('params_file', 'namespace', 'joint_states', 'use_sim_time')
+"""Arguments that a launch file hands to one that it includes."""
 
 JOINT_STATES = ('joint_states', 'joint_states', 'Topic of the measured joint states.')
 
@@ -137,6 +141,15 @@ def start(*nodes: MakeNode, included: Sequence[Action] = ()) -> list[Action]:
         *included,
         *(OpaqueFunction(function=make) for make in nodes),
     ]
+
+
+def included(file: str) -> IncludeLaunchDescription:
+    """Return another launch file of the package, with the arguments `SHARED` of this one."""
+    path = get_package_share_path(PACKAGE) / 'launch' / file
+    shared = {each: LaunchConfiguration(each) for each in SHARED}
+    return IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(str(path)), launch_arguments=shared.items()
+    )
 
 
 def _value(context: LaunchContext, name: str, kind: type) -> ParameterValue:

@@ -196,9 +196,9 @@ def test_an_announced_payload_is_in_the_update_at_once_and_a_reset_takes_it_off(
     assert found.values()['announced_kg'] == pytest.approx(0.5)
     again = live(path)
     assert again.values()['announced_kg'] == pytest.approx(0.5)
-    told = again.step(0.0, 1000.0).payloads[0].payload
-    assert told is not None
-    assert told.mass == pytest.approx(0.5)
+    carried = again.step(0.0, 1000.0).payloads[0].payload
+    assert carried is not None
+    assert carried.mass == pytest.approx(0.5)
     found.reset(1002.0)
     step = found.step(1.6, 1001.6)
     assert step.update is not None
