@@ -260,16 +260,18 @@ class ArmFitter:
         noise: TorqueNoise,
         geometry: Geometry,
     ) -> Iterator[ArmFit]:
-        """Yield starts near the linear fit with the joints in given places."""
+        """Yield starts with the joints in given places, as many with a description as without."""
         arm, basis = (chain, links), friction.basis
         samples = self.samples(dataset, basis, arm, noise.weights(dataset.dq))
-        linear = PlacementProblem(samples, noise.std).at(chain.rotations, chain.translations)
         problem = ArmProblem(samples, noise.std, basis.is_positive, self.prior, geometry)
-        own, coefficients = linear.link_parameters(samples), linear.friction_coefficients(samples)
-        states = [problem.start(chain, own, coefficients, lift) for lift in LIFTS]
-        if self.is_described:  # the described links
-            numbers = np.zeros_like(states[-1].numbers)
-            states.append(problem.evaluated(replace(states[-1], numbers=numbers)))
+        if self.is_described:
+            likely = problem.most_likely(chain)
+            described = replace(likely, numbers=np.zeros_like(likely.numbers))
+            states = [likely, problem.evaluated(described)]
+        else:
+            linear = PlacementProblem(samples, noise.std).at(chain.rotations, chain.translations)
+            own, size = linear.link_parameters(samples), linear.friction_coefficients(samples)
+            states = [problem.start(chain, own, size, lift) for lift in LIFTS]
         for state in states:
             yield self.at(ArmFit(state, links, friction, noise, geometry), problem, state)
 

@@ -11,7 +11,12 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.identification.kinematic_calibration import REACH
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
-from lip_id_ros.rigid_body.pseudo_inertia import LinkScale, pseudo_inertia
+from lip_id_ros.rigid_body.pseudo_inertia import (
+    link_parameter_jacobian,
+    link_parameters,
+    LinkScale,
+    pseudo_inertia,
+)
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 LINK_PRIOR = 0.3
@@ -48,6 +53,11 @@ class ArmPrior:
     chain: Chain | None  # most probable placements; none where only sizes are known
     scale: LinkScale  # most probable links, whose numbers are zero
     precision: Array  # (17 n,), inverse deviations: turns, shifts, numbers
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints, n."""
+        return self.precision.size // (DIRECTIONS + LINK_PARAMETERS)
 
     @classmethod
     def vague(cls, n_joints: int, scale: LinkScale) -> ArmPrior:
@@ -100,6 +110,18 @@ class ArmPrior:
             out[:, :3] = Rotation.from_matrix(turned).as_rotvec()
             out[:, 3:] = chain.translations - self.chain.translations
         return np.concatenate([out.ravel(), numbers.ravel()])
+
+    def of_links(self) -> tuple[Array, Array]:
+        """
+        Return the prior of the links' parameters near its centre.
+
+        Returns the centre (n, 11) and precision matrices (n, 11, 11).
+        """
+        numbers = self.precision[-LINK_PARAMETERS * self.n_joints :].reshape(-1, LINK_PARAMETERS)
+        centre = np.zeros_like(numbers)
+        slopes = np.linalg.inv(link_parameter_jacobian(centre, self.scale))
+        roots = numbers[:, :, None] * slopes
+        return link_parameters(centre, self.scale), np.swapaxes(roots, 1, 2) @ roots
 
 
 def _described_factors(links: Array, usual: LinkScale) -> tuple[Array, BoolArray]:

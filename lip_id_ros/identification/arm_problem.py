@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import FitError
@@ -17,6 +19,7 @@ from lip_id_ros.identification.arm_coordinates import (
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.kinematic_calibration import NOT_FINITE, Samples
 from lip_id_ros.identification.levenberg_marquardt import minimise
+from lip_id_ros.identification.possible_links import BarrierProblem
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.numba_jit import in_threads
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
@@ -43,6 +46,12 @@ CHUNK = 125
 
 REGRESSOR_CHUNK = 1000
 """Samples whose regressor is in memory at one time."""
+
+BARRIERS = (1e4, 1e2, 10.0)
+"""Weights of the barrier of a start, in log likelihood, one after the other."""
+
+LEAST_SCALED = 1e-9
+"""Least eigenvalue of scaled pseudo-inertias of such a start."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +111,36 @@ class ArmProblem:
         numbers = log_cholesky(links, self.link_scale, least)
         return self.evaluated(ArmState(chain, numbers, self.friction_numbers(friction)))
 
+    def most_likely(self, chain: Chain) -> ArmState:
+        """
+        Return the state of most likely links and friction with the joints in given places.
+
+        The prior counts as quadratic, and the weight of `BARRIERS` keeps links from vanishing:
+        this is where a descent starts. Raises FitError where parameters are not finite.
+        """
+        centre, precision = self._prior.of_links()
+        size = self._samples.friction_std
+        hessian = block_diag(*precision, np.diag(size**-2.0))
+        right = hessian @ np.append(centre, np.zeros(size.size))
+        for some in _chunks(len(self._samples.tau)):
+            features = self._features(chain, some)
+            hessian += features.T @ features
+            right += features.T @ (self._samples.tau[some] * self._scale[some]).ravel()
+        if not (np.isfinite(hessian).all() and np.isfinite(right).all()):
+            raise FitError(NOT_FINITE)
+        problem = BarrierProblem.of_arm(hessian, right, self.link_scale, self._positive)
+        at = np.append(centre, np.where(self._positive, size, 0.0))
+        found = problem.minimised(at, BARRIERS)
+        links = found[: centre.size].reshape(centre.shape)
+        return self.start(chain, links, found[centre.size :], LEAST_SCALED)
+
+    def _features(self, chain: Chain, some: slice) -> Array:
+        """Return what links and friction are multiplied with, (N n, 11 n + k)."""
+        motion = (x[some] for x in self._samples.state)
+        features = [torque_regressor(chain, *motion), self._samples.friction[some]]
+        scaled = np.concatenate(features, axis=2) * self._scale[some, :, None]
+        return np.asarray(scaled.reshape(-1, scaled.shape[2]))
+
     def friction_numbers(self, coefficients: Array) -> Array:
         """Return the numbers that a state has for coefficients of friction, shape (k,)."""
         smallest = SMALLEST * self._samples.friction_std
@@ -142,8 +181,7 @@ class ArmProblem:
         """Return the torques of all samples, shape (N, n) [N m or N]."""
         torque = np.asarray(self._samples.friction @ self.coefficients(state))
         links = self.links(state).ravel()
-        for k in range(0, len(torque), REGRESSOR_CHUNK):
-            some = slice(k, k + REGRESSOR_CHUNK)
+        for some in _chunks(len(torque)):
             motion = (x[some] for x in self._samples.state)
             torque[some] += torque_regressor(state.chain, *motion) @ links
         return torque
@@ -215,3 +253,8 @@ class ArmProblem:
         centre = np.where(self._positive, np.log(self._samples.friction_std), 0.0)
         vector = np.concatenate([arm, state.friction - centre])
         return np.asarray(self.prior_precision() * vector)
+
+
+def _chunks(count: int) -> Iterator[slice]:
+    """Yield slices of samples whose regressors are in memory together."""
+    return (slice(k, k + REGRESSOR_CHUNK) for k in range(0, count, REGRESSOR_CHUNK))

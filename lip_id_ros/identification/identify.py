@@ -255,4 +255,6 @@ def _fitted(
     fit = fitter.with_friction(fit, fitter.selected(fit.chain, offer))
     fit = with_lever_steps(fitter, fitter.refined(fitter.some(MOST_SAMPLES), fit))
     progress(STAGE, 3, STEPS)
-    return fit if fitter.is_described else select_geometry(fitter, fit)
+    if fitter.is_described:
+        return fitter.converged(fitter.some(MOST_SAMPLES), fit)
+    return select_geometry(fitter, fit)

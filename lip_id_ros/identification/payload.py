@@ -17,6 +17,7 @@ from lip_id_ros.identification.payload_problem import (
     PayloadProblem,
     WeightedTorques,
 )
+from lip_id_ros.identification.possible_links import BarrierProblem
 from lip_id_ros.identification.statistics import contiguous_blocks
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
@@ -31,8 +32,8 @@ STATES, SEED = 400, 0
 """Random states at which torques of the model stand for what it was learned from."""
 LEAST_STD = 1e-6
 """Least standard deviation of a torque, in that of the recorded ones."""
-ROUNDING = 1e-14
-BARRIERS, ITERATIONS, CONVERGED, SHORTEST = (1.0, 0.1, 0.01), 50, 1e-8, 1e-10
+BARRIERS = (1.0, 0.1, 0.01)
+"""Weights of the barrier that keeps a body within those that can exist."""
 LEAST_SAMPLES, MOST_SAMPLES = 50, 1000
 
 
@@ -140,26 +141,24 @@ def _bare(arm: ArmPosterior, ranges: tuple[Array, Array], least: Array) -> Weigh
 
 
 def _existing(problem: PayloadProblem, at: LoadedState) -> LoadedState:
-    """Return the state with the body that can exist and explains most."""
+    """
+    Return the state with the body that can exist and explains most.
+
+    The arm stays: its torques with a body are linear in that. Raises DataError where the body is
+    lighter than nothing.
+    """
     if np.linalg.eigvalsh(pseudo_inertia(at.body))[0] > 0.0:
         return at
     triangle = _triangle(problem, at)
-    inverse = np.asarray(solve_triangular(triangle, np.eye(len(triangle))))
-    mass_std = float(np.linalg.norm(inverse[-BODY]))
+    spread = np.asarray(solve_triangular(triangle, np.eye(len(triangle))))
+    mass_std = float(np.linalg.norm(spread[-BODY]))
     if at.body[0] < -LIGHTER * mass_std:
         raise DataError(
             f'the arm with its payload was expected to be heavier than the model, but is lighter '
             f'by {-at.body[0]:.3g} +- {mass_std:.2g} kg, as if the model had a tool; fit the arm '
             'without its tool.'
         )
-    others, shared, own = (
-        triangle[:-BODY, :-BODY],
-        triangle[:-BODY, -BODY:],
-        triangle[-BODY:, -BODY:],
-    )
-    change = _existing_body(own, own @ at.body) - at.body
-    step = np.concatenate([solve_triangular(others, -shared @ change), change])
-    return problem.stepped(at, step)
+    return problem.evaluated(replace(at, body=_existing_body(problem, at)))
 
 
 def _triangle(problem: PayloadProblem, at: LoadedState) -> Array:
@@ -200,64 +199,12 @@ def _correlation(residual: Array) -> Array:
     return np.maximum(np.sum(sums**2, axis=0) / squares, 1.0)
 
 
-def _existing_body(root: Array, right: Array) -> Array:
-    """
-    Return the body that can exist and explains most.
-
-    Where the unconstrained solution cannot exist, a logarithmic barrier keeps the pseudo-inertia
-    positive definite: a convex problem, solved by Newton's method.
-    """
-    free = np.asarray(solve_triangular(root, right))
-    problem = _BarrierProblem(root, right)
-    mass = max(float(free[0]), 0.1)
-    at = mass * np.array([1.0, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.01, 0.0, 0.01])
-    for barrier in BARRIERS:
-        at = problem.minimised(at, barrier)
-    return at
-
-
-class _BarrierProblem:
-    """Minimise |R x - z|^2 / 2 - barrier log det J(x)."""
-
-    def __init__(self, root: Array, right: Array) -> None:
-        self._root, self._right = root, right
-        self._units = pseudo_inertia(np.eye(BODY))
-
-    def minimised(self, at: Array, barrier: float) -> Array:
-        """Descend from a body that can exist."""
-        for _ in range(ITERATIONS):
-            inverse = np.linalg.inv(pseudo_inertia(at))
-            inner = inverse @ self._units
-            gradient = self._root.T @ (self._root @ at - self._right)
-            gradient -= barrier * np.trace(inner, axis1=1, axis2=2)
-            curvature = barrier * np.einsum('kab,lba->kl', inner, inner)
-            step = _newton_step(self._root.T @ self._root + curvature, gradient)
-            decrease = float(-gradient @ step)
-            if decrease < CONVERGED:
-                break
-            at = at + self._length(at, step, decrease, barrier) * step
-        return at
-
-    def _length(self, at: Array, step: Array, decrease: float, barrier: float) -> float:
-        """Halve a step until it stays inside and gains what its slope promises."""
-        value, length = self._value(at, barrier), 1.0
-        while length > SHORTEST:
-            if self._value(at + length * step, barrier) <= value - 0.1 * length * decrease:
-                return length
-            length *= 0.5
-        return 0.0
-
-    def _value(self, at: Array, barrier: float) -> float:
-        try:
-            factor = np.linalg.cholesky(pseudo_inertia(at))
-        except np.linalg.LinAlgError:
-            return np.inf
-        misfit = self._root @ at - self._right
-        return float(0.5 * misfit @ misfit - 2.0 * barrier * np.log(np.diagonal(factor)).sum())
-
-
-def _newton_step(hessian: Array, gradient: Array) -> Array:
-    """Solve in units of the diagonal, with as much of it added as rounding takes away."""
-    scale = np.sqrt(np.diagonal(hessian))
-    scaled = hessian / np.multiply.outer(scale, scale) + ROUNDING * np.eye(len(hessian))
-    return np.asarray(-np.linalg.solve(scaled, gradient / scale) / scale)
+def _existing_body(problem: PayloadProblem, at: LoadedState) -> Array:
+    """Return the body that can exist and explains most beside the arm of a state."""
+    rows = np.concatenate([problem.rows(at), np.diag(problem.precision)])[:, -BODY:]
+    target = rows @ at.body + np.concatenate([at.residual, -problem.prior_residual(at)])
+    triangle = np.linalg.qr(np.column_stack([rows, target]), mode='r')
+    root, right = triangle[:-1, :-1], triangle[:-1, -1]
+    mass = max(float(at.body[0]), 0.1)
+    start = mass * np.array([1.0, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.01, 0.0, 0.01])
+    return BarrierProblem.of_body(root.T @ root, root.T @ right).minimised(start, BARRIERS)

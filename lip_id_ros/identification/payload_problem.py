@@ -113,7 +113,7 @@ class PayloadProblem:
         rows = self.rows(at)
         hessian = rows.T @ rows
         hessian.flat[:: self.size + 1] += self.precision**2
-        return hessian, self.precision * self._deviation(at) - rows.T @ at.residual
+        return hessian, self.precision * self.prior_residual(at) - rows.T @ at.residual
 
     def rows(self, at: LoadedState) -> Array:
         """Differentiate all torques by a step, in standard deviations, without and with body."""
@@ -154,21 +154,21 @@ class PayloadProblem:
         n = len(self.arm.links)
         return DIRECTIONS * n, LINK_PARAMETERS * n, self.arm.friction.basis.size
 
-    def _deviation(self, at: LoadedState) -> Array:
-        """Return how far a state is from the prior's centre, (m,)."""
+    def prior_residual(self, at: LoadedState) -> Array:
+        """Return how far a state is from the prior's centre, in standard deviations, (m,)."""
         known, now = self.arm.friction, at.arm.friction.coefficients
         positive = known.basis.is_positive & (known.coefficients > 0.0)
         logarithm = np.log(np.where(positive, now / np.where(positive, known.coefficients, 1), 1))
         friction = np.where(known.basis.is_positive, logarithm, now - known.coefficients)
         arm = self._prior.deviation(at.arm.chain, at.numbers)
-        return np.concatenate([arm, friction, at.body])
+        return np.asarray(self.precision * np.concatenate([arm, friction, at.body]))
 
     def _evaluated(self, arm: ArmPosterior, numbers: Array, body: Array) -> LoadedState:
         arms = (arm, self.bare), (with_body(arm, body), self.loaded)
         with np.errstate(over='ignore', invalid='ignore'):
             parts = [(x.tau - each.torque(*x.state)) / x.std for each, x in arms]
         at = LoadedState(arm, numbers, body, np.inf, np.concatenate([x.ravel() for x in parts]))
-        prior = self.precision * self._deviation(at)
+        prior = self.prior_residual(at)
         cost = 0.5 * float(at.residual @ at.residual + prior @ prior)
         return replace(at, cost=cost if np.isfinite(cost) else np.inf)
 

@@ -15,7 +15,7 @@ from lip_id_ros.errors import FitError
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.simple_geometry import Geometry
-from lip_id_ros.rigid_body.pseudo_inertia import scale_of
+from lip_id_ros.rigid_body.pseudo_inertia import link_parameters, scale_of
 
 SCALE = scale_of(2.0, 0.2)
 ARMS = [(R,), (P, R), (R, P, R), (R, R, R, R)]
@@ -69,6 +69,41 @@ def test_a_state_holds_the_parameters_that_it_was_made_of() -> None:
     problem, state, links = problem_of((R, R, R))
     np.testing.assert_allclose(problem.links(state), links, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(problem.coefficients(state), [0.7, -0.4])
+
+
+@pytest.mark.parametrize('joint_types', ARMS)
+def test_most_likely_links_explain_exact_torques(joint_types: tuple[str, ...]) -> None:
+    """So a descent starts at its end where the joints are in the right places."""
+    arm, samples = samples_of(joint_types, noise=1e-4)
+    rng = np.random.default_rng(3)
+    friction = rng.standard_normal((*samples.tau.shape, 2))
+    tau = samples.tau + friction @ np.array([0.7, -0.4])
+    samples = replace(samples, tau=tau, friction=friction, friction_std=np.array([0.5, 2.0]))
+    noise_std = 1e-4 * samples.tau.std(axis=0)
+    problem = ArmProblem(samples, noise_std, POSITIVE, prior_of(joint_types))
+    found = problem.most_likely(arm.chain)
+    error = np.sqrt(np.mean((problem.torque(found) - tau) ** 2, axis=0))
+    assert (error < 2.0 * noise_std).all()
+    np.testing.assert_allclose(problem.coefficients(found), [0.7, -0.4], rtol=1e-2)
+
+
+def test_most_likely_links_need_finite_torques() -> None:
+    arm, samples = samples_of((R, R))
+    samples = replace(samples, tau=np.full_like(samples.tau, np.nan))
+    problem = ArmProblem(samples, np.ones(2), np.zeros(0, dtype=bool), prior_of((R, R)))
+    with pytest.raises(FitError, match='finite'):
+        problem.most_likely(arm.chain)
+
+
+def test_the_prior_of_links_is_quadratic_near_its_centre() -> None:
+    prior = prior_of((R, P))
+    rng = np.random.default_rng(0)
+    numbers = 1e-4 * rng.standard_normal((2, 11))
+    centre, precision = prior.of_links()
+    change = link_parameters(numbers, prior.scale) - centre
+    found = np.einsum('na,nab,nb->', change, precision, change)
+    still = prior.precision[-22:] * numbers.ravel()
+    assert found == pytest.approx(still @ still, rel=1e-2)
 
 
 def test_true_links_are_found_from_wrong_ones() -> None:

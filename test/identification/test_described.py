@@ -11,6 +11,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from simulation.panda_runs import runs
 
 from benchmarks._closed_loop import FrictionalArm
 from lip_id_ros.arrays import Array
@@ -179,6 +180,15 @@ def started(description: RobotDescription) -> tuple[ArmFitter, ArmFit]:
     fitter = ArmFitter(motion(0, 20, 25), (description, DescriptionSettings()))
     selected = fitter.selected(description.chain)
     return fitter, fitter.best_start([description.chain], selected)
+
+
+@pytest.mark.slow
+def test_a_fit_to_nearly_exact_torques_reaches_their_noise() -> None:
+    """Its descent starts at links that can exist and explain them: a narrow valley leads there."""
+    recorded, _ = runs(3, 300, noise=1e-3)
+    model = fit(recorded, FitSettings(description=panda_urdf().read_text()))
+    assert model.arm is not None
+    np.testing.assert_allclose(model.arm.noise.std, 1e-3, rtol=0.3)
 
 
 @pytest.mark.slow

@@ -18,6 +18,7 @@ from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.identification import payload_problem
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.payload import identify_payload, Payload
+from lip_id_ros.identification.payload_problem import PayloadProblem, WeightedTorques
 from lip_id_ros.identification.posterior import posterior, ranges_of
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.rigid_body import Chain
@@ -202,6 +203,38 @@ def test_the_centre_has_the_deviation_of_its_ratio() -> None:
     draws = body() + rng.standard_normal((200_000, 10)) @ factor.T
     centres = draws[:, 1:4] / draws[:, :1]
     np.testing.assert_allclose(payload.centre_std, centres.std(axis=0), rtol=0.05)
+
+
+def test_the_gradient_of_a_payload_by_differences() -> None:
+    """The prior's share too, which matters where the torques show nothing."""
+    arm = model_of(arm_of('RRR')).arm
+    assert arm is not None
+    rng = np.random.default_rng(0)
+    q, dq, ddq, *tau = rng.standard_normal((5, 30, 3))
+    std = np.full((30, 3), 20.0)
+    bare, loaded = (WeightedTorques(q, dq, ddq, each, std) for each in tau)
+    problem = PayloadProblem(arm, bare, loaded)
+    step = rng.standard_normal(problem.size)
+    at = problem.stepped(problem.start(), 0.1 * step)
+    _, found = problem.normal_equations(at)
+    expected = [
+        (problem.stepped(at, way).cost - problem.stepped(at, -way).cost) / 2e-6
+        for way in 1e-6 * np.eye(problem.size)
+    ]
+    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-5 * np.abs(expected).max())
+
+
+def test_a_body_that_is_made_possible_keeps_the_torques() -> None:
+    """Three joints hardly distinguish a mass from its place, of exact torques too."""
+    arm = arm_of('RRR')
+    model, data = model_of(arm), recorded(arm, body(), 0, 1e-6)
+    found = identify_payload(model, data)
+    assert np.linalg.eigvalsh(pseudo_inertia(found.body))[0] > 0.0
+    links = found.arm.links.copy()
+    links[-1, :10] += found.body
+    load = torque_regressor(found.arm.chain, data.q, data.dq, data.ddq) @ links.ravel()
+    friction = found.arm.friction.torque(data.q, data.dq, data.ddq, load)
+    np.testing.assert_allclose(load + friction, data.tau, atol=1e-3 * np.abs(data.tau).max())
 
 
 def test_the_prior_of_a_payload_has_the_units_of_its_body() -> None:
