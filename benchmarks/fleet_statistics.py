@@ -23,17 +23,15 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFitter
-from lip_id_ros.identification.linearisation import Linearisation
+from lip_id_ros.identification.gathering import CHUNK, Gathering
+from lip_id_ros.identification.linearisation import Linearisation, Samples
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.solution import Known, system_of
 from lip_id_ros.identification.total import (
-    CHUNK,
-    empty_statistics,
     FrictionDeviations,
     packed,
     RecordingFactors,
     Total,
-    updated,
 )
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS, STANDARD_GRAVITY
 from lip_id_ros.rigid_body.regressor import torque_regressor
@@ -60,23 +58,24 @@ def main(arguments: list[str]) -> int:
 
 def _run(samples: int, parts: int, joints: int) -> None:
     around, rng = _arm(joints), np.random.default_rng(1)
-    statistics = updated(empty_statistics(around), _samples(around, rng), around)
+    gathered = Gathering(around)
+    gathered.add(Samples.of(_samples(around, rng)))
     print('samples, CPU s per million of this part, peak memory MB')
     times = []
     for part in range(parts):
         seconds, count = 0.0, 0
         while count < samples // parts:
-            data = _samples(around, rng)
+            some = Samples.of(_samples(around, rng))
             begun = time.process_time()
-            statistics = updated(statistics, data, around)
+            gathered.add(some)
             seconds += time.process_time() - begun
-            count += data.n_samples
+            count += len(some.q)
         times.append(seconds / count * MILLION)
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
         print(f'{(part + 1) * count}, {times[-1]:.2f}, {peak:.0f}', flush=True)
     print(f'slowest part over fastest: {max(times) / min(times):.3f}')
     data = _samples(around, rng)
-    fitter = ArmFitter(data)
+    fitter, statistics = ArmFitter(data), gathered.statistics()
     kept = RecordingFactors(packed(statistics.factors)[None], statistics.counts[None])
     fixed = replace(Geometry.free(joints), rigid=True)
     none = FrictionDeviations.none(around.n_friction)

@@ -191,6 +191,35 @@ def _features(
     return out
 
 
+class FrictionFeatures:
+    """The features of friction of a basis, compiled once for many calls."""
+
+    def __init__(self, basis: FrictionBasis) -> None:
+        self._basis, self._compiled = basis, CompiledFriction.features_of(basis)
+        signs = [
+            each.drive.signs(basis.n_joints) for each in basis.terms for _ in range(each.size)
+        ]
+        self._signs = np.array(signs).reshape(-1, basis.n_joints).T
+
+    def __call__(
+        self, q: Array, dq: Array, ddq: Array, load: Array, history: JointHistory = UNKNOWN
+    ) -> Array:
+        """Return the features (N, n, K) for all torques, as `FrictionBasis.features`."""
+        basis = self._basis
+        discrepancy = basis.discrepancy(dq, ddq, history.sign)
+        seen = discrepancy @ self._signs
+        states = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq, load, seen))
+        out = _features(self._compiled, *states)
+        if history.dahl is not None:
+            for part, place in zip(basis.terms, basis.slices, strict=True):
+                if isinstance(part.term, Dahl):
+                    state = part.drive.state(
+                        q, dq, ddq, load, basis.rise_time, discrepancy, history.dahl
+                    )
+                    out[:, part.drive.joints[0], place] = part.term.features(state)
+        return np.asarray(out)
+
+
 def friction_features(
     basis: FrictionBasis,
     q: Array,
@@ -200,19 +229,7 @@ def friction_features(
     history: JointHistory = UNKNOWN,
 ) -> Array:
     """Return the features (N, n, K) of friction for all torques, as `FrictionBasis.features`."""
-    signs = [part.drive.signs(basis.n_joints) for part in basis.terms for _ in range(part.size)]
-    discrepancy = basis.discrepancy(dq, ddq, history.sign)
-    seen = discrepancy @ np.array(signs).reshape(-1, basis.n_joints).T
-    states = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq, load, seen))
-    out = _features(CompiledFriction.features_of(basis), *states)
-    if history.dahl is not None:
-        for part, place in zip(basis.terms, basis.slices, strict=True):
-            if isinstance(part.term, Dahl):
-                state = part.drive.state(
-                    q, dq, ddq, load, basis.rise_time, discrepancy, history.dahl
-                )
-                out[:, part.drive.joints[0], place] = part.term.features(state)
-    return np.asarray(out)
+    return FrictionFeatures(basis)(q, dq, ddq, load, history)
 
 
 @jit_inlined

@@ -10,20 +10,45 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.compiled import CompiledFriction, friction_features
+from lip_id_ros.friction.compiled import CompiledFriction, FrictionFeatures
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.joint_history import JointHistory
 from lip_id_ros.model.arm_mean import evaluate_arm_many, pack
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.couplings import couplings_of
 from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
+
+
+class Samples(NamedTuple):
+    """Samples of a data set, in contiguous arrays (N, n)."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+    history: JointHistory
+
+    @classmethod
+    def of(cls, dataset: Dataset, rows: IndexArray | slice = slice(None)) -> Samples:
+        """Return some samples of a data set."""
+        arrays = dataset.q, dataset.dq, dataset.ddq, dataset.tau
+        q, dq, ddq, tau = (np.ascontiguousarray(each[rows]) for each in arrays)
+        past = (None if each is None else each[rows] for each in dataset.history)
+        return cls(q, dq, ddq, tau, JointHistory(*past))
+
+    @property
+    def state(self) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations."""
+        return self.q, self.dq, self.ddq
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,18 +116,26 @@ class Linearisation:
 
         Loads that friction bears change with placements and links.
         """
-        state, history = _state(dataset), dataset.history
+        parts, target = self.parts(Samples.of(dataset))
+        return [self._of_joint(joint, parts) for joint in range(self.n_joints)], target
+
+    def parts(self, samples: Samples) -> tuple[tuple[Array, Array, Array], Array]:
+        """Return the features of all joints, by kinds (N, n, p), and the target of `rows`."""
+        state, history = samples.state, samples.history
         regressor = torque_regressor(self.chain, *state)
         load = regressor @ self.links.ravel()
         placements = placement_derivatives(self.chain, self.links, *state)
-        arm = [placements.reshape(*load.shape, -1), regressor]
-        target = dataset.tau
+        arm = placements.reshape(*load.shape, -1), regressor
+        target = samples.tau
         if self.friction.basis.is_loaded.any():
             slopes = self.friction.load_slopes(*state, load, history)
-            arm = [each + slopes @ each for each in arm]
+            arm = arm[0] + slopes @ arm[0], arm[1] + slopes @ arm[1]
             target = target + np.einsum('tij,tj->ti', slopes, load)
-        parts = [friction_features(self.basis, *state, load, history), *arm]
-        return [self._of_joint(joint, parts) for joint in range(self.n_joints)], target
+        return (self._friction_features(*state, load, history), *arm), target
+
+    @cached_property
+    def _friction_features(self) -> FrictionFeatures:
+        return FrictionFeatures(self.basis)
 
     def _of_joint(self, joint: int, parts: Sequence[Array]) -> Array:
         """Return the features (N, k_i + p_i) of a joint of those of all, by kinds (N, n, p)."""
@@ -120,17 +153,11 @@ class Linearisation:
     def residual(self, dataset: Dataset) -> Array:
         """Return the residuals of the present parameters, shape (N, n) [N m or N]."""
         arm = ArmPosterior(self.chain, self.links, self.friction, self.noise, np.zeros((0, 0)))
+        samples = Samples.of(dataset)
         torques = np.empty((dataset.n_samples, 5 * self.n_joints + 2))
-        evaluate_arm_many(
-            torques, *_state(dataset), *pack(arm, CompiledFriction.of(self.friction))
-        )
+        evaluate_arm_many(torques, *samples.state, *pack(arm, CompiledFriction.of(self.friction)))
         residual = dataset.tau - torques[:, : self.n_joints]
         if (memory := self.friction.remembering) is not None:
             load = np.zeros_like(dataset.tau)
-            residual -= memory.torque(*_state(dataset), load, dataset.history)
+            residual -= memory.torque(*samples.state, load, dataset.history)
         return np.asarray(residual)
-
-
-def _state(dataset: Dataset) -> tuple[Array, Array, Array]:
-    q, dq, ddq = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
-    return q, dq, ddq

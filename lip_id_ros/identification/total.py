@@ -17,12 +17,10 @@ from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.folds import recurrent_folds
 from lip_id_ros.identification.friction_deviations import NestedEffects
+from lip_id_ros.identification.gathering import statistics_of
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.statistics import TorqueStatistics, triangular
 from lip_id_ros.packable import Packable
-
-CHUNK = 400
-"""Samples whose features are in memory at one time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,31 +47,11 @@ def gather(
     rows = np.arange(dataset.n_samples) if kept is None else np.flatnonzero(kept)
     number = recurrent_folds(dataset.select(rows), blocks) if rows.size else rows
     count = int(number.max()) + 1 if number.size else 1
-    found = [_statistics(dataset, rows[number == k], around) for k in range(count)]
+    found = [statistics_of(dataset, rows[number == k], around) for k in range(count)]
     return RecordingFactors(
         np.array([packed(each.factors) for each in found]),
         np.array([each.counts for each in found]),
     )
-
-
-def _statistics(dataset: Dataset, rows: IndexArray, around: Linearisation) -> TorqueStatistics:
-    statistics = empty_statistics(around)
-    for chunk in np.array_split(rows, -(-rows.size // CHUNK)) if rows.size else []:
-        statistics = updated(statistics, dataset.select(chunk), around)
-    return statistics
-
-
-def empty_statistics(around: Linearisation) -> TorqueStatistics:
-    """Return the statistics of no samples."""
-    return TorqueStatistics.empty([np.concatenate(own) for own in around.columns])
-
-
-def updated(
-    statistics: TorqueStatistics, dataset: Dataset, around: Linearisation
-) -> TorqueStatistics:
-    """Return statistics with further samples, whose features are in memory together."""
-    features, target = around.rows(dataset)
-    return statistics.update(features, target, around.noise.weights(dataset.dq))
 
 
 def packed(factors: Sequence[Array]) -> Array:
