@@ -166,12 +166,17 @@ def predicts_better(
         floor + _left_out_squares(each.samples(dataset.select(rows)), calibration, fold)
         for each, calibration in ((search, found), (other, its))
     )
-    least = LEAST_GAIN * (len(other.fitter.couplings) - len(search.fitter.couplings))
+    least = least_gain(len(other.fitter.couplings) - len(search.fitter.couplings))
     if not Gain.between([now], [then]).is_sure(least):
         return False
     # efforts of coupled motors are no coupled positions: friction terms stand for them
     gain = log_left_out(search.fitter, found) - log_left_out(other.fitter, its)
     return bool(2.0 * dataset.n_joints * gain > least)
+
+
+def least_gain(more: int) -> float:
+    """Return the least gain of so many more couplings: each has to be worth its own."""
+    return LEAST_GAIN * more
 
 
 def _left_out_squares(samples: Samples, found: Calibration, fold: IndexArray) -> Array:

@@ -111,7 +111,7 @@ def identify_payload(model: InverseDynamicsModel, dataset: Dataset) -> LoadedArm
         tau = tau - ResidualGPMean(beside).torque(q, dq, ddq)
     least = LEAST_STD * np.maximum(tau.std(axis=0), np.finfo(float).tiny)
     bare = _bare(arm, model.training_range, least)
-    std = np.maximum(arm.noise.std, least) / np.sqrt(arm.noise.weights(dataset.dq))
+    std = np.maximum(arm.noise.std_at(dq), least)
     problem = PayloadProblem(arm, bare, WeightedTorques(q, dq, ddq, tau, std))
     at = problem.start()
     for _ in range(ROUNDS):

@@ -17,6 +17,7 @@ from lip_id_ros.identification.coupling_search import (
     _left_out_squares,
     EVALUATIONS,
     find_couplings,
+    least_gain,
     predicts_better,
     promising,
     with_coupling,
@@ -106,6 +107,12 @@ def test_a_wrong_coupling_predicts_left_out_motions_worse() -> None:
 
 
 @pytest.mark.slow
+def test_each_coupling_has_to_be_worth_its_own() -> None:
+    """The error of one joint has to halve for each: its mean square has a quarter."""
+    assert least_gain(1) == pytest.approx(np.log(4.0))
+    assert least_gain(2) == pytest.approx(np.log(16.0))
+
+
 def test_what_is_left_out_is_not_learned_from() -> None:
     """An offset of one motion, of which a fit that had seen it would take a sixth or more."""
     arm = arm_of(seed=3)

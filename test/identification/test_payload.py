@@ -48,6 +48,13 @@ def payload_of(arm: ArmDescription, dataset: Dataset) -> Payload:
     return payload_in_flange(identify_payload(model_of(arm), dataset), 0.0, 0.0)
 
 
+def loaded(arm: ArmDescription, payload: Array | None = None) -> Array:
+    """Return its links (n, 11) with what is attached, the usual body by default."""
+    links = arm.links.copy()
+    links[-1, :10] += body() if payload is None else payload
+    return links
+
+
 def recorded(
     arm: ArmDescription, payload: Array, seed: int, noise: float, correlated: int = 1
 ) -> Dataset:
@@ -58,8 +65,7 @@ def recorded(
     angle = w * t[:, None, None] + phase
     q, dq = (a * np.sin(angle)).sum(1), (a * w * np.cos(angle)).sum(1)
     ddq = -(a * w**2 * np.sin(angle)).sum(1)
-    links = arm.links.copy()
-    links[-1, :10] += payload
+    links = loaded(arm, payload)
     load = torque_regressor(arm.chain, q, dq, ddq) @ links.ravel()
     white = rng.standard_normal((len(t) // correlated, n))
     tau = (
@@ -188,6 +194,31 @@ def test_an_arm_lighter_than_its_model_is_refused() -> None:
     arm = arm_of('RRRRRR')
     with pytest.raises(DataError, match=r'lighter by 0\.[12].* fit the arm without its tool'):
         payload_of(arm, recorded(arm, -0.2 * body(), 1, NOISE))
+
+
+def test_joints_that_stick_say_little() -> None:
+    """A third of the samples are at rest, where friction is anything within its bounds."""
+    arm = arm_of('RRRRRR')
+    moving = recorded(arm, body(), 0, NOISE).select(np.arange(0, 1000, 2))
+    resting = moving.select(np.arange(0, 500, 2))
+    still = np.zeros_like(resting.dq)
+    load = torque_regressor(arm.chain, resting.q, still, still) @ loaded(arm).ravel()
+    friction = arm.friction.torque(resting.q, still, still, load)
+    stuck = np.full(6, 2.0)
+    both = Dataset.from_arrays(
+        np.concatenate([moving.q, resting.q]),
+        np.concatenate([moving.dq, still]),
+        np.concatenate([moving.ddq, still]),
+        np.concatenate([moving.tau, load + friction + stuck]),
+        joint_types=moving.joint_types,
+    )
+    model = model_of(arm)
+    assert model.arm is not None
+    noise = replace(model.arm.noise, stuck=stuck, width=np.full(6, 0.01))
+    sticking = replace(model, arm=replace(model.arm, noise=noise))
+    found = payload_in_flange(identify_payload(sticking, both), 0.0, 0.0)
+    assert found.mass == pytest.approx(MASS, rel=0.02)
+    np.testing.assert_allclose(found.centre, CENTRE, atol=4e-3)
 
 
 def test_too_few_samples() -> None:

@@ -75,3 +75,15 @@ def test_links_rotors_and_friction_are_bounded_together(seed: int, n: int) -> No
     expected[BODY] = expected[-2] = 0.0
     np.testing.assert_allclose(found, expected, atol=1e-3)
     assert (found[[BODY, -2]] > 0.0).all()
+
+
+@given(st.floats(0.1, 10.0), st.floats(-5.0, 5.0), st.floats(0.01, 10.0))
+@settings(max_examples=20, deadline=None)
+def test_the_barrier_of_a_positive_number_in_closed_form(h: float, b: float, mu: float) -> None:
+    """The minimum of h x^2 / 2 - b x - mu log x, of friction beside a link."""
+    link = np.append(UNIT, 0.1)
+    hessian = np.diag(np.append(np.ones(11), h))
+    right = np.append(link, b)
+    problem = BarrierProblem.of_arm(hessian, right, scale_of(2.0, 0.1), np.array([True]))
+    found = problem.minimised(np.append(link, 1.0), (mu,))[-1]
+    assert found == pytest.approx((b + np.sqrt(b**2 + 4.0 * h * mu)) / (2.0 * h), rel=1e-3)
