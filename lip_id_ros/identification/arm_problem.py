@@ -115,8 +115,8 @@ class ArmProblem:
         """
         Return the state of most likely links and friction with the joints in given places.
 
-        The prior counts as quadratic, and the weight of `BARRIERS` keeps links from vanishing:
-        this is where a descent starts. Raises FitError where parameters are not finite.
+        The prior counts as quadratic, and `BARRIERS` keep links from vanishing: this is where a
+        descent starts. Raises FitError where parameters are not finite.
         """
         centre, precision = self._prior.of_links()
         size = self._samples.friction_std
@@ -128,7 +128,7 @@ class ArmProblem:
             right += features.T @ (self._samples.tau[some] * self._scale[some]).ravel()
         if not (np.isfinite(hessian).all() and np.isfinite(right).all()):
             raise FitError(NOT_FINITE)
-        problem = BarrierProblem.of_arm(hessian, right, self.link_scale, self._positive)
+        problem = BarrierProblem.of_arm(hessian, right, self.link_scale, (size, self._positive))
         at = np.append(centre, np.where(self._positive, size, 0.0))
         found = problem.minimised(at, BARRIERS)
         links = found[: centre.size].reshape(centre.shape)

@@ -32,7 +32,9 @@ class BarrierProblem:
     """
     Minimise x^T H x / 2 - b^T x over bodies that can exist, and other parameters.
 
-    The barrier is - log det J of each body and - log of each parameter that must be positive.
+    The barrier is - log det J of each body and - log of each parameter that must be positive, plus
+    `pull` x. With the slopes of these at a centre as pull it is least there: the log-determinant
+    divergence (Lee, Wensing and Park, IEEE Transactions on Robotics 2020).
     """
 
     hessian: Array  # (m, m)
@@ -40,25 +42,34 @@ class BarrierProblem:
     bodies: IndexArray  # (n, 10), where their parameters are
     units: Array  # (n, 10, 4, 4), pseudo-inertias of unit parameters, in any scale
     positive: BoolArray  # (m,), those that must be positive
+    pull: Array  # (m,)
 
     @classmethod
     def of_body(cls, hessian: Array, right: Array) -> BarrierProblem:
-        """Return the problem of one body, with H (10, 10) and b (10,)."""
+        """Return the problem of one body, with H (10, 10) and b (10,), that is pulled nowhere."""
         none = np.zeros(BODY, dtype=np.bool_)
-        return cls(hessian, right, np.arange(BODY)[None], _UNITS[None], none)
+        return cls(hessian, right, np.arange(BODY)[None], _UNITS[None], none, np.zeros(BODY))
 
     @classmethod
     def of_arm(
-        cls, hessian: Array, right: Array, scale: LinkScale, positive: BoolArray
+        cls, hessian: Array, right: Array, scale: LinkScale, friction: tuple[Array, BoolArray]
     ) -> BarrierProblem:
-        """Return the problem of links (n, 11), then friction (k,), of which some are positive."""
-        n = (right.size - positive.size) // LINK_PARAMETERS
-        first = LINK_PARAMETERS * np.arange(n)
-        must = np.concatenate([np.zeros(n * LINK_PARAMETERS, dtype=np.bool_), positive])
-        must[first + BODY] = True
+        """
+        Return the problem of links (n, 11), then friction (k,), pulled to their usual size.
+
+        `scale` has usual links, `friction` usual coefficients and which of them must be positive.
+        """
+        size, positive = friction
+        n = (right.size - size.size) // LINK_PARAMETERS
+        bodies = LINK_PARAMETERS * np.arange(n)[:, None] + np.arange(BODY)
         inverse = np.linalg.inv(scale.factors)[:, None]
         units = np.broadcast_to(inverse @ _UNITS @ np.swapaxes(inverse, 2, 3), (n, BODY, 4, 4))
-        return cls(hessian, right, first[:, None] + np.arange(BODY), units, must)
+        must, pull = np.zeros(right.size, dtype=np.bool_), np.zeros(right.size)
+        must[bodies[:, -1] + 1] = True
+        must[right.size - size.size :] = positive
+        pull[bodies] = np.trace(units, axis1=2, axis2=3)
+        pull[must] = 1.0 / np.append(np.broadcast_to(scale.rotors, n), size[positive])
+        return cls(hessian, right, bodies, units, must, pull)
 
     def minimised(self, at: Array, barriers: tuple[float, ...]) -> Array:
         """Descend from parameters (m,) that can be, with ever smaller weights of the barrier."""
@@ -78,7 +89,8 @@ class BarrierProblem:
 
     def _slopes(self, at: Array, barrier: float) -> tuple[Array, Array]:
         """Return the gradient and Hessian of the cost with the barrier."""
-        gradient, hessian = self.hessian @ at - self.right, self.hessian.copy()
+        gradient = self.hessian @ at - self.right + barrier * self.pull
+        hessian = self.hessian.copy()
         inner = np.linalg.inv(self._inertias(at))[:, None] @ self.units
         gradient[self.bodies] -= barrier * np.trace(inner, axis1=2, axis2=3)
         curvature = np.einsum('nkab,nlba->nkl', inner, inner)
@@ -109,7 +121,8 @@ class BarrierProblem:
             return np.inf
         logarithms = 2.0 * np.log(np.diagonal(factors, axis1=1, axis2=2)).sum()
         logarithms += np.log(at[self.positive]).sum()
-        return float(at @ (0.5 * self.hessian @ at - self.right) - barrier * logarithms)
+        cost = at @ (0.5 * self.hessian @ at - self.right)
+        return float(cost + barrier * (self.pull @ at - logarithms))
 
 
 def _newton_step(hessian: Array, gradient: Array) -> Array:

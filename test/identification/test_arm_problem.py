@@ -87,6 +87,17 @@ def test_most_likely_links_explain_exact_torques(joint_types: tuple[str, ...]) -
     np.testing.assert_allclose(problem.coefficients(found), [0.7, -0.4], rtol=1e-2)
 
 
+def test_most_likely_links_are_the_usual_ones_where_nothing_is_known() -> None:
+    """Whatever the weight of the barrier is: torques count for nothing beside this noise."""
+    arm, samples = samples_of((R, P))
+    friction = np.ones((*samples.tau.shape, 2))
+    samples = replace(samples, friction=friction, friction_std=np.array([0.5, 2.0]))
+    problem = ArmProblem(samples, np.full(2, 1e9), POSITIVE, prior_of((R, P)))
+    found = problem.most_likely(arm.chain)
+    np.testing.assert_allclose(found.numbers, 0.0, atol=0.02)
+    np.testing.assert_allclose(problem.coefficients(found), [0.5, 0.0], rtol=0.2, atol=1e-6)
+
+
 def test_most_likely_links_need_finite_torques() -> None:
     arm, samples = samples_of((R, R))
     samples = replace(samples, tau=np.full_like(samples.tau, np.nan))

@@ -69,7 +69,7 @@ def test_links_rotors_and_friction_are_bounded_together(seed: int, n: int) -> No
     positive = np.array([True, True, False])
     hessian, right = 1e4 * np.eye(centre.size), 1e4 * centre
     start = np.append(links, [1.0, 1.0, 0.0]) * rng.uniform(0.5, 2.0)
-    problem = BarrierProblem.of_arm(hessian, right, scale, positive)
+    problem = BarrierProblem.of_arm(hessian, right, scale, (np.ones(3), positive))
     found = problem.minimised(start, BARRIERS)
     expected = centre.copy()
     expected[BODY] = expected[-2] = 0.0
@@ -80,10 +80,12 @@ def test_links_rotors_and_friction_are_bounded_together(seed: int, n: int) -> No
 @given(st.floats(0.1, 10.0), st.floats(-5.0, 5.0), st.floats(0.01, 10.0))
 @settings(max_examples=20, deadline=None)
 def test_the_barrier_of_a_positive_number_in_closed_form(h: float, b: float, mu: float) -> None:
-    """The minimum of h x^2 / 2 - b x - mu log x, of friction beside a link."""
+    """The minimum of h x^2 / 2 - b x + mu (x / 2 - log x), of friction beside a link."""
     link = np.append(UNIT, 0.1)
     hessian = np.diag(np.append(np.ones(11), h))
     right = np.append(link, b)
-    problem = BarrierProblem.of_arm(hessian, right, scale_of(2.0, 0.1), np.array([True]))
+    friction = np.array([2.0]), np.array([True])
+    problem = BarrierProblem.of_arm(hessian, right, scale_of(2.0, 0.1), friction)
     found = problem.minimised(np.append(link, 1.0), (mu,))[-1]
+    b -= 0.5 * mu
     assert found == pytest.approx((b + np.sqrt(b**2 + 4.0 * h * mu)) / (2.0 * h), rel=1e-3)
