@@ -19,7 +19,7 @@ from lip_id_ros.adaptation.payloads import known_payload
 from lip_id_ros.adaptation.possible import PossibleArms
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import ModelError
-from lip_id_ros.friction.compiled import friction_features
+from lip_id_ros.friction.compiled import FrictionFeatures
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.terms import FrictionTerm, Offset
 from lip_id_ros.joint_history import JointHistory, UNKNOWN
@@ -85,6 +85,7 @@ class FollowedArm:
         self._model, self._settings = model, walk
         self.arm = arm = model.arm
         self.noise = arm.noise
+        self._friction_features = FrictionFeatures(arm.friction.basis)
         self._n_links, self._first = arm.links.size, DIRECTIONS * model.n_joints
         self.start = np.concatenate([arm.links.ravel(), arm.friction.coefficients])
         root = arm.covariance_root[self._first : self._first + self.start.size]
@@ -187,7 +188,9 @@ class FollowedArm:
         """
         _, friction = self._parts(numbers)
         tau, load, regressor, own = self._torque(numbers, q, dq, ddq, history)
-        slopes = friction.load_slopes(q, dq, ddq, load, history)
+        slopes = self._friction_features.load_slopes(
+            friction.coefficients, q, dq, ddq, load, history
+        )
         by_numbers = np.concatenate([regressor + slopes @ regressor, own], axis=2)
         by_numbers[:, self._replaced] = 0.0
         return tau, by_numbers
@@ -209,7 +212,7 @@ class FollowedArm:
         links, friction = self._parts(numbers)
         regressor = torque_regressor(self.arm.chain, q, dq, ddq)
         load = regressor @ links.ravel()
-        own = friction_features(friction.basis, q, dq, ddq, load, history)
+        own = self._friction_features(q, dq, ddq, load, history)
         tau = load + own @ friction.coefficients
         if self._residual_gp is not None:
             self._residual_gp.add_to(tau, q, dq, ddq)
@@ -350,7 +353,7 @@ class FollowedArm:
 
     def _features(self, q: Array, dq: Array, ddq: Array) -> Array:
         load = torque_regressor(self.arm.chain, q, dq, ddq) @ self.arm.links.ravel()
-        return friction_features(self.arm.friction.basis, q, dq, ddq, load)
+        return self._friction_features(q, dq, ddq, load)
 
 
 def _usual_states(model: InverseDynamicsModel) -> tuple[Array, Array, Array]:

@@ -22,6 +22,7 @@ ON_BOUND = 1e-6
 """Deviations beyond a bound with which a number is taken to be on it."""
 
 _BODY = LINK_PARAMETERS - 1
+_COLUMNS = np.arange(_BODY)
 _UNITS = pseudo_inertia(np.eye(_BODY))
 
 
@@ -44,7 +45,10 @@ class PossibleArms:
 
     def __init__(self, links: Array, lower: Array, upper: Array) -> None:
         self._links = links
-        self._whitening = np.linalg.inv(np.linalg.cholesky(pseudo_inertia(links)))
+        whitening = np.linalg.inv(np.linalg.cholesky(pseudo_inertia(links)))[:, None]
+        # pseudo-inertias of unit parameters in those of the commissioned arm, (n, 10, 16)
+        units = whitening @ _UNITS @ np.swapaxes(whitening, -1, -2)
+        self._units = units.reshape(*units.shape[:2], -1)
         least = np.full(links.shape, -np.inf)
         least[:, -1] = EXISTS * links[:, -1]
         self._lower = np.append(least, lower)
@@ -62,8 +66,9 @@ class PossibleArms:
         estimate violates most are added one after the other (Kelley, SIAM Journal 1960).
 
         """
-        found, slack = numbers, ON_BOUND * np.linalg.norm(root, axis=1)
-        slopes, least = self._violated(numbers, slack)
+        slack = ON_BOUND * np.linalg.norm(root, axis=1)
+        within, found = (self._lower - slack, self._upper + slack), numbers
+        slopes, least = self._violated(numbers, within)
         if not least.size:
             return numbers
         slopes, least = np.vstack([self._kept[0], slopes]), np.append(self._kept[1], least)
@@ -74,27 +79,28 @@ class PossibleArms:
             step, touched = nearest
             found = numbers + root @ step
             self._kept = slopes[touched], least[touched]
-            more, most = self._violated(found, slack)
+            more, most = self._violated(found, within)
             if not most.size:
                 break
             slopes, least = np.vstack([self._kept[0], more]), np.append(self._kept[1], most)
         return self._mended(found)
 
-    def _violated(self, numbers: Array, slack: Array) -> tuple[Array, Array]:
+    def _violated(self, numbers: Array, within: tuple[Array, Array]) -> tuple[Array, Array]:
         """Return half-spaces a^T x >= b that numbers x are not in: a, shape (m, p), and b."""
         values, vectors = np.linalg.eigh(self._shares(numbers))
-        link, k = np.nonzero(values < NEARLY * EXISTS)
-        lower, upper = self._lower, self._upper
-        low, high = (np.flatnonzero(x) for x in (numbers < lower - slack, numbers > upper + slack))
-        slopes = np.zeros((link.size + low.size + high.size, numbers.size))
-        bodies, bounds = np.split(slopes, [link.size])
-        v = np.einsum('mba,mb->ma', self._whitening[link], vectors[link, :, k])
-        columns = LINK_PARAMETERS * link[:, None] + np.arange(_BODY)
-        np.put_along_axis(bodies, columns, np.einsum('ma,kab,mb->mk', v, _UNITS, v), axis=1)
-        bounds[np.arange(len(bounds)), np.append(low, high)] = np.repeat(
-            [1.0, -1.0], [low.size, high.size]
-        )
-        return slopes, np.concatenate([np.full(link.size, EXISTS), lower[low], -upper[high]])
+        link, k = (values < NEARLY * EXISTS).nonzero()
+        low, high = (numbers < within[0]).nonzero()[0], (numbers > within[1]).nonzero()[0]
+        first, last = link.size, link.size + low.size
+        slopes = np.zeros((last + high.size, numbers.size))
+        v = vectors[link, :, k]
+        squares = (v[:, :, None] * v[:, None]).reshape(-1, 16, 1)
+        columns = LINK_PARAMETERS * link[:, None] + _COLUMNS
+        slopes[np.arange(first)[:, None], columns] = (self._units[link] @ squares)[..., 0]
+        slopes[np.arange(first, last), low] = 1.0
+        slopes[np.arange(last, len(slopes)), high] = -1.0
+        least = np.full(len(slopes), EXISTS)
+        least[first:last], least[last:] = self._lower[low], -self._upper[high]
+        return slopes, least
 
     def _mended(self, numbers: Array) -> Array:
         """Return numbers within the bounds, with as much of the commissioned arm as it takes."""
@@ -108,7 +114,7 @@ class PossibleArms:
     def _shares(self, numbers: Array) -> Array:
         """Return the pseudo-inertias in those of the commissioned arm, shape (n, 4, 4)."""
         links = numbers[: self._links.size].reshape(self._links.shape)
-        return self._whitening @ pseudo_inertia(links) @ np.swapaxes(self._whitening, 1, 2)
+        return (links[:, None, :_BODY] @ self._units).reshape(-1, 4, 4)
 
 
 def least_distance(slopes: Array, least: Array) -> tuple[Array, BoolArray] | None:
@@ -119,13 +125,17 @@ def least_distance(slopes: Array, least: Array) -> tuple[Array, BoolArray] | Non
     chapter 23.4.
 
     """
-    size = np.linalg.norm(slopes, axis=1)
+    size = np.sqrt(np.einsum('ij,ij->i', slopes, slopes))
     known = size > 0.0
-    if (least[~known] > 0.0).any():
-        return None
-    slopes, least = slopes[known] / size[known, None], least[known] / size[known]
-    unit = np.abs(least).max(initial=0.0) or 1.0
-    system = np.vstack([slopes.T, least / unit])
+    if not known.all():
+        if (least[~known] > 0.0).any():
+            return None
+        slopes, least, size = slopes[known], least[known], size[known]
+    system = np.empty((slopes.shape[1] + 1, size.size))
+    np.divide(slopes.T, size, out=system[:-1])
+    np.divide(least, size, out=system[-1])
+    unit = np.abs(system[-1]).max(initial=0.0) or 1.0
+    system[-1] /= unit
     wanted = np.zeros(len(system))
     wanted[-1] = 1.0
     try:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import compress
 import math
 from typing import NamedTuple
 
@@ -218,6 +221,39 @@ class FrictionFeatures:
                     )
                     out[:, part.drive.joints[0], place] = part.term.features(state)
         return np.asarray(out)
+
+    def load_slopes(
+        self,
+        coefficients: Array,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        load: Array,
+        history: JointHistory = UNKNOWN,
+    ) -> Array:
+        """Differentiate the torques by the loads, (N, n, n), as `FrictionModel.load_slopes`."""
+        slopes = np.zeros((*load.shape, self._basis.n_joints))
+        loaded, own = self._loaded
+        if loaded is None:
+            return slopes
+        sign = np.where(load < 0.0, -1.0, 1.0)  # a feature has one load
+        change = loaded(q, dq, ddq, sign, history)
+        change -= loaded(q, dq, ddq, np.zeros_like(load), history)
+        bearing = loaded._compiled.bearing
+        change *= coefficients[own] * sign[:, bearing][:, None]
+        for k, joint in enumerate(bearing):
+            slopes[:, :, joint] += change[:, :, k]
+        return slopes
+
+    @cached_property
+    def _loaded(self) -> tuple[FrictionFeatures | None, IndexArray]:
+        """The features of the terms that depend on a load, and their numbers."""
+        basis = self._basis
+        kept = [bool(basis.is_loaded[place].any()) for place in basis.slices]
+        terms = tuple(compress(basis.terms, kept))
+        own = [np.arange(basis.size)[place] for place in compress(basis.slices, kept)]
+        features = FrictionFeatures(replace(basis, terms=terms)) if terms else None
+        return features, np.concatenate([np.zeros(0, np.intp), *own])
 
 
 def friction_features(

@@ -128,7 +128,8 @@ class Linearisation:
         arm = placements.reshape(*load.shape, -1), regressor
         target = samples.tau
         if self.friction.basis.is_loaded.any():
-            slopes = self.friction.load_slopes(*state, load, history)
+            padded = np.pad(self.friction.coefficients, (0, self.basis.size - self.n_friction))
+            slopes = self._friction_features.load_slopes(padded, *state, load, history)
             arm = arm[0] + slopes @ arm[0], arm[1] + slopes @ arm[1]
             target = target + np.einsum('tij,tj->ti', slopes, load)
         return (self._friction_features(*state, load, history), *arm), target

@@ -12,6 +12,7 @@ from lip_id_ros.friction.compiled import (
     add_friction,
     CompiledFriction,
     friction_features,
+    FrictionFeatures,
     set_load_slopes,
 )
 from lip_id_ros.friction.dahl import Dahl
@@ -74,6 +75,8 @@ def test_slopes_by_loads_by_differences(seed: int) -> None:
         ends = [model.torque(q, dq, ddq, load + sign * step) for sign in (1.0, -1.0)]
         change = ends[0] - ends[1]
         np.testing.assert_allclose(found[:, :, j], change / 2e-4, atol=1e-9)
+    many = FrictionFeatures(model.basis).load_slopes(model.coefficients, q, dq, ddq, load)
+    np.testing.assert_allclose(many, found, atol=1e-12)
     features, loaded = CompiledFriction.features_of(model.basis), model.basis.is_loaded
     fast = np.empty_like(found)
     for row in range(len(q)):
@@ -93,6 +96,8 @@ def test_added_to_what_is_there() -> None:
 
 def test_no_friction_at_all() -> None:
     model = FrictionModel(FrictionBasis(2, ()), np.zeros(0))
+    slopes = FrictionFeatures(model.basis).load_slopes(np.zeros(0), *np.ones((4, 4, 2)))
+    np.testing.assert_array_equal(slopes, np.zeros((4, 2, 2)))
     np.testing.assert_array_equal(evaluated(model, *np.ones((4, 4, 2))), 0.0)
 
 
