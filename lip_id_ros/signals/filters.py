@@ -16,7 +16,8 @@ class LowPass:
     Two equal first-order low-passes in a row.
 
     Signals are delayed by 2 / (2 pi cutoff). Its output is smooth enough for the difference of two
-    samples to be its derivative.
+    samples to be its derivative, half way between them: so signals are given there too, or at low
+    rates inertial torques would look like friction.
     """
 
     def __init__(self, cutoff_hz: float) -> None:
@@ -45,4 +46,4 @@ class LowPass:
         self._second = before + gain * (self._first - before)
         if t - self._began < SETTLED * self._time_constant:
             return None
-        return self._second, (self._second - before) / dt
+        return 0.5 * (before + self._second), (self._second - before) / dt
