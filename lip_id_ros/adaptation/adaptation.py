@@ -155,8 +155,8 @@ class Adaptation:
         self.numbers = self.arm.start.copy()
         self.covariance = self.arm.covariance + np.diag(variance)
         self._squares, self._disturbed, self._seconds = np.zeros(2), 1.0, 0.0
-        # recent mean squares of innovations of each joint, in variances
-        self._excess = np.ones(len(self.arm.arm.links))
+        # recent mean squares of innovations of each joint, in variances: of all, and in motion
+        self._excess, self._excess_moving = np.ones((2, len(self.arm.arm.links)))
         self._drop()
 
     def _drop(self) -> None:
@@ -359,11 +359,12 @@ class Adaptation:
         std = np.where(rests, np.inf, np.sqrt(noise))
         self._judge(steps, measured, followed, std, outcome == DISTURBED)
         learned = kind == LEARNED
-        self._widen(*(x[learned] for x in (steps, measured - predicted, variance + noise)))
+        left = measured - predicted, variance + noise, rests
+        self._widen(*(x[learned] for x in (steps, *left)))
         if self._seconds == 0.0:  # begun anew: what was expected is no longer
             return followed
-        left = measured - predicted, self._inflation * std**2
-        self._look_for_payload(steps, slopes[..., self._last], *left, outcome)
+        unexplained = measured - predicted, self._inflation * std**2
+        self._look_for_payload(steps, slopes[..., self._last], *unexplained, outcome)
         return followed
 
     def _kind(self, outcome: Array, stuck: BoolArray, rests: BoolArray) -> IntArray:
@@ -394,7 +395,7 @@ class Adaptation:
         _, seconds = _motion(steps[first:], variance[first:])
         watch.add(seconds, slopes[first:], (residual + slopes @ body)[first:], variance[first:])
         if watch.is_long_enough and watch.is_payload:
-            self._settling |= bool(self._excess.max() < MOST_EXCESS)
+            self._settling |= bool(self._excess_moving.max() < MOST_EXCESS)
         if self._settling:
             self._settle(body)
         elif watch.seconds > LONGEST_S:
@@ -438,11 +439,19 @@ class Adaptation:
                 self.payload = None
                 self._tell_payload()
 
-    def _widen(self, steps: Array, residual: Array, variance: Array) -> None:
-        """Learn how much larger errors of torques (N, n) are than the filter knows."""
+    def _widen(self, steps: Array, residual: Array, variance: Array, rests: BoolArray) -> None:
+        """
+        Learn how much larger errors of torques (N, n) are than the filter knows.
+
+        A joint that rests is held by any friction, which says nothing of what is known of the arm.
+
+        """
         kept = np.exp(-np.minimum(steps, LONGEST_GAP_S) / MEMORY_S)
-        for share, ratio in zip(kept, np.minimum(residual**2 / variance, GATE**2), strict=True):
+        ratios = np.minimum(residual**2 / variance, GATE**2)
+        for share, ratio, rest in zip(kept, ratios, rests, strict=True):
             self._excess = share * self._excess + (1.0 - share) * ratio
+            moving = share * self._excess_moving + (1.0 - share) * ratio
+            self._excess_moving = np.where(rest, self._excess_moving, moving)
 
     def _note_payload(self) -> None:
         """Note the whole payload; one that is put down leaves the arm as it was."""

@@ -127,6 +127,23 @@ def test_no_payload_is_found_where_the_arm_was_not_understood_before_it() -> Non
     assert adaptation.payload_events == []
 
 
+def test_a_joint_that_is_held_while_it_rests_hides_no_payload() -> None:
+    model, mass = known_model(), 3.0
+
+    def held(arm: InverseDynamicsModel) -> Stream:
+        t, *states, _ = stream(arm, 45.0)
+        q, dq, ddq = (x * [0.0, 1.0, 1.0] for x in states)
+        tau = arm.predict(q, dq, ddq).tau + [1.0, 0.0, 0.0]
+        noise = NOISE * np.random.default_rng(0).standard_normal(q.shape)
+        return Stream(t, q, dq, ddq, tau + noise)
+
+    bare, loaded = held(model), held(with_payload(model, mass))
+    adaptation = Adaptation(model)
+    adaptation.update(*bare._replace(tau=np.where(bare.t[:, None] < 30.0, bare.tau, loaded.tau)))
+    (found,) = adaptation.payload_events
+    assert found.payload is not None
+
+
 def test_a_body_is_found_by_least_squares_with_its_deviations() -> None:
     rng = np.random.default_rng(0)
     body = np.array([1.0, 0.03, -0.02, 0.12, 0.02, 0.001, 0.0, 0.02, 0.0, 0.002])
