@@ -52,6 +52,16 @@ def jit(function: Function) -> Function:
     return _cached(function, wrap(function))
 
 
+def jit_reading(function: Function) -> Function:
+    """
+    Compile a function that only reads its arrays, once for those that can be written and locked.
+
+    Arrays of data sets are locked, and numba has another type for these.
+    """
+    wrap = numba.njit(error_model='numpy', nogil=True)
+    return _cached(function, wrap(function), reads=True)
+
+
 def jit_inlined(function: Function) -> Function:
     """Compile a function into those that call it: for small ones with many arguments."""
     wrap = numba.njit(error_model='numpy', nogil=True, forceinline=True)
@@ -149,7 +159,7 @@ def _imported(file: Path) -> frozenset[Path]:
     return frozenset(place for place in found if place.is_file())
 
 
-def _cached(function: Function, dispatcher: Any) -> Function:
+def _cached(function: Function, dispatcher: Any, *, reads: bool = False) -> Function:
     try:
         stored = _Cache(function)  # type: ignore[no-untyped-call]
     except RuntimeError:  # numba found no folder to write to
@@ -161,12 +171,23 @@ def _cached(function: Function, dispatcher: Any) -> Function:
     def compile_once(sig: Any) -> Any:
         with global_compiler_lock:  # of threads, as that of numba itself
             try:
-                return compile_here(sig)
+                if not reads:
+                    return compile_here(sig)
+                code = compile_here(tuple(map(_locked, sig)))
+                dispatcher._insert([each._code for each in sig], code, False)
+                return code
             finally:
                 stored.unlock()
 
     dispatcher._cache, dispatcher.compile = stored, compile_once
     return cast('Function', dispatcher)
+
+
+def _locked(kind: Any) -> Any:
+    """Return the type of an array that cannot be written; other types as they are."""
+    if not isinstance(kind, numba.types.Array):
+        return kind
+    return kind.copy(readonly=True)
 
 
 @cache

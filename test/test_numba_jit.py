@@ -212,3 +212,39 @@ def test_a_process_that_stands_still_while_it_compiles_stops_no_other(folder: Pa
     assert held
     for lock in held:
         os.close(lock)
+
+
+READING = """
+import numpy as np
+from lip_id_ros.numba_jit import jit, jit_reading
+
+@jit_reading
+def total(x, y):
+    return np.sum(x) + 2.0 * np.sum(y)
+
+@jit
+def caller(x):
+    return total(x, 3.0 * x)
+
+x, locked = np.arange(4.0), np.arange(4.0)
+locked.flags.writeable = False
+pairs = [(x, x), (x, locked), (locked, x), (locked, locked), (x, x)]
+found = [total(*pair) for pair in pairs] + [total(x[::2], x)]
+print(*found, caller(x), caller(locked), len(total.signatures))
+"""
+
+
+def test_functions_that_only_read_are_compiled_once_for_locked_arrays_too(tmp_path: Path) -> None:
+    """But anew for arrays with steps between."""
+    (tmp_path / 'reading.py').write_text(READING)
+    for _ in range(2):  # compiled, and from disk
+        ran = subprocess.run(
+            [sys.executable, 'reading.py'],
+            cwd=tmp_path,
+            env=environment(),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert ran.returncode == 0, ran.stderr
+        assert ran.stdout.split() == [*['18.0'] * 5, '14.0', '42.0', '42.0', '2']

@@ -31,7 +31,7 @@ from lip_id_ros.friction.primitives import (
     VELOCITY,
 )
 from lip_id_ros.joint_history import JointHistory, UNKNOWN
-from lip_id_ros.numba_jit import jit, jit_inlined
+from lip_id_ros.numba_jit import jit, jit_inlined, jit_reading
 
 
 class CompiledFriction(NamedTuple):
@@ -184,7 +184,7 @@ def set_load_slopes(
             out[j, bearing] += features.shares[k, j] * coefficients[k] * sign * change
 
 
-@jit
+@jit_reading
 def _features(
     features: CompiledFriction, q: Array, dq: Array, ddq: Array, load: Array, seen: Array
 ) -> Array:

@@ -89,7 +89,8 @@ def add_coupled_rows(rows: Array, chain: Chain) -> None:
         own = rows.copy()
         for k in range(len(chain.couplings)):
             joint, other = int(chain.couplings[k, 0]), int(chain.couplings[k, 1])
-            rows[other] += chain.couplings[k, 2] * own[joint]
+            for c in range(rows.shape[1]):  # whole rows take four times as long to compile
+                rows[other, c] += chain.couplings[k, 2] * own[joint, c]
 
 
 @jit

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.numba_jit import jit, jit_inlined
+from lip_id_ros.numba_jit import jit_inlined, jit_reading
 from lip_id_ros.rigid_body.chain import (
     add_coupled_rows,
     add_joint_motion,
@@ -70,7 +70,7 @@ class Workspace(NamedTuple):
     base_changes: Array  # (n, 6, 6), the same in the parent's frame
 
 
-@jit
+@jit_reading
 def placement_derivatives(
     chain: Chain, parameters: Array, q: Array, dq: Array, ddq: Array
 ) -> Array:
