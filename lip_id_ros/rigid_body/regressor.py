@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.numba_jit import jit, jit_reading
+from lip_id_ros.numba_jit import jit
 from lip_id_ros.rigid_body.chain import (
     add_coupled_rows,
     add_joint_motion,
@@ -34,7 +34,7 @@ from lip_id_ros.rigid_body.spatial import (
 )
 
 
-@jit_reading
+@jit
 def torque_regressor(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
     """Torques of unit parameters, shape (N, n, 11 n), at contiguous joint states (N, n)."""
     count, n = q.shape
@@ -93,7 +93,7 @@ def _transform_columns(columns: Array, x: Transform) -> None:
         columns[3, c], columns[4, c], columns[5, c] = force
 
 
-@jit_reading
+@jit
 def kinetic_regressor(chain: Chain, q: Array, dq: Array) -> Array:
     """Kinetic energies of unit parameters at (N, n) positions and velocities, (N, 11 n)."""
     count, n = q.shape
@@ -122,7 +122,7 @@ def _kinetic(out: Array, w: Vec3, v: Vec3, dq: float) -> None:
     out[10] = 0.5 * dq * dq
 
 
-@jit_reading
+@jit
 def potential_regressor(chain: Chain, q: Array) -> Array:
     """Potential energies of unit parameters at (N, n) positions, shape (N, 11 n)."""
     count, n = q.shape
