@@ -232,7 +232,6 @@ LIGHT = {
     'lip_id_ros.model': ('torch', 'rclpy', 'matplotlib', 'pinocchio', 'rosbags'),
     'lip_id_ros.gp': ('torch', 'rclpy', 'matplotlib', 'pinocchio', 'rosbags'),
     'lip_id_ros.cli': ('torch', 'rclpy', 'pinocchio', 'matplotlib'),
-    'lip_id_ros.preprocessing': ('torch', 'numba', 'matplotlib', 'scipy.signal', 'scipy.stats'),
     'lip_id_ros.acquisition.recorder': ('torch', 'numba', 'matplotlib', 'pinocchio'),
     'lip_id_ros.acquisition.settings': ('torch', 'numba', 'matplotlib', 'pinocchio'),
     'lip_id_ros.control.plan_controller': ('torch', 'numba', 'matplotlib', 'pinocchio'),

@@ -23,7 +23,6 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.preprocessing.filters import polynomial_derivative, zero_phase_butterworth
 from lip_id_ros.recording.timing import gap_starts, GAP_STEPS, median_step
 from lip_id_ros.settings import PreprocessingSettings
 
@@ -38,6 +37,7 @@ HALF_STENCIL = 2
 BRIDGED_PERIODS = 0.25
 """Longest hole that is interpolated over whatever the rate, in periods of the cut-off."""
 
+_ORDER = 4
 _LONGEST_EDGE = 1e12  # samples, more than any recording has
 _ROUNDING = 1e-6
 _WINDOW = 50_000
@@ -49,7 +49,12 @@ _NEIGHBOURS = 3
 
 def savitzky_golay(values: Array, rate_hz: float, points: int = 5, degree: int = 4) -> Array:
     """Return the slope of a polynomial fitted to neighbours; exact for those of its degree."""
-    return polynomial_derivative(values, 1.0 / rate_hz, points, degree)
+    from scipy import signal  # brings scipy.stats, which takes a third of a second
+
+    slope: Array = signal.savgol_filter(
+        values, points, degree, deriv=1, delta=1.0 / rate_hz, axis=0
+    )
+    return slope
 
 
 def central_differences(values: Array, rate_hz: float) -> Array:
@@ -79,8 +84,12 @@ def low_pass(values: Array, rate_hz: float, cutoff_hz: float) -> Array:
     """
     if not is_filtered(rate_hz, cutoff_hz):
         return values
+    from scipy import signal  # see above
+
+    sections = signal.butter(_ORDER, cutoff_hz, fs=rate_hz, output='sos')
     padding = min(len(values) - 1, round(rate_hz / cutoff_hz))
-    return zero_phase_butterworth(values, cutoff_hz / rate_hz, padding)
+    smooth: Array = signal.sosfiltfilt(sections, values, axis=0, padlen=padding)
+    return smooth
 
 
 def edge_length(
