@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks import track
 from benchmarks.__main__ import main
 from benchmarks.tracking import (
     Experiment,
@@ -23,9 +21,10 @@ from benchmarks.tracking import (
 )
 from benchmarks.tracking.experiment import recorded
 from benchmarks.tracking.figures import FEEDBACK, notes, POSITION, RunFigures, tables
+from lip_id_ros.progress import Progress
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.simulation import GrowingCosine
-from lip_id_ros.simulation.torque_controlled import panda_setup, POSTURE
+from lip_id_ros.simulation.torque_controlled import panda_setup, POSTURE, Setup
 
 pytestmark = pytest.mark.slow
 
@@ -106,15 +105,23 @@ def test_gains_are_taken_within_a_trial_and_the_least_is_named() -> None:
 
 
 def test_the_command_writes_figures_pictures_and_page(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    trial: Trial,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    fit = FitSettings(subset=20, iterations=3)
-    monkeypatch.setattr(track, 'Experiment', partial(Experiment, horizon=2.0, fit=fit))
-    monkeypatch.setattr(track, 'panda_setup', partial(panda_setup, 2))
+    asked: list[tuple[Experiment, int]] = []
+
+    def run(setup: Setup, experiment: Experiment, seed: int, progress: Progress) -> Trial:
+        asked.append((experiment, seed))
+        return trial
+
+    monkeypatch.setattr('benchmarks.tracking.experiment.run_experiment', run)
     out, file = tmp_path / 'out', tmp_path / 'figures.json'
 
     assert main(['track', '-o', str(out), '--json', str(file)]) == 0
 
+    assert asked == [(Experiment(), 0)]
     content = json.loads(file.read_text())
     assert content['joint_names'] == ['panda_joint1', 'panda_joint2']
     assert len(content['runs']) == 6

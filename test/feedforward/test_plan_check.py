@@ -114,8 +114,8 @@ def test_all_samples_of_a_long_plan_are_looked_at_a_few_times() -> None:
 
 
 @pytest.fixture(scope='module')
-def model() -> InverseDynamicsModel:
-    return toy.model()
+def model(tmp_path_factory: pytest.TempPathFactory) -> InverseDynamicsModel:
+    return InverseDynamicsModel.load(toy.model_path(tmp_path_factory))
 
 
 def test_loads_of_each_joint(model: InverseDynamicsModel) -> None:

@@ -14,8 +14,10 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.conservative_terms import Spring
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch, find_placements
-from lip_id_ros.identification.identify import identify
-from lip_id_ros.progress import silent
+from lip_id_ros.identification.identify import FRICTION, identify
+from lip_id_ros.identification.placement_search import Calibration
+from lip_id_ros.progress import Progress, silent
+from lip_id_ros.rigid_body.chain import NO_COUPLINGS
 
 NOISE = 0.01
 STIFFNESS = (0.0, 30.0, -20.0)
@@ -30,14 +32,20 @@ def sprung(
 
 
 @pytest.mark.slow
-def test_strong_springs_do_not_mislead_the_search() -> None:
+def test_strong_springs_do_not_mislead_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
     arm = random_arm((R, R, R), seed=1)
     train, unseen = sprung(arm, 200, seed=0), sprung(arm, 100, seed=1)
-    fitter = ArmFitter(train)
-    search, calibration = find_placements(fitter, 0, silent)
+    places: list[tuple[ArmSearch, Calibration]] = []
+
+    def noted(fitter: ArmFitter, seed: int, progress: Progress) -> tuple[ArmSearch, Calibration]:
+        places.append(find_placements(fitter, seed, progress))
+        return places[-1]
+
+    monkeypatch.setattr('lip_id_ros.identification.identify.find_placements', noted)
+    arm_found = identify(train, couplings=NO_COUPLINGS, terms=FRICTION)
+    ((search, calibration),) = places
     assert search.terms
-    assert (calibration.noise_std < 2.0 * NOISE * fitter.torque_std).all()
-    arm_found = identify(train)
+    assert (calibration.noise_std < 2.0 * NOISE * search.fitter.torque_std).all()
     terms = arm_found.arm.friction.basis.terms
     assert {each.drive.joints for each in terms if isinstance(each.term, Spring)} == {(1,), (2,)}
     error = arm_found.torque(unseen.q, unseen.dq, unseen.ddq) - unseen.tau

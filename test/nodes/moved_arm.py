@@ -21,7 +21,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.nodes import messages, qos
 
 JOINTS = ('shoulder', 'elbow')
-RATE_HZ = 200.0
+RATE_HZ = 100.0
 VISCOUS, COULOMB, WIDTH, NOISE = 0.5, 0.8, 0.02, 0.02
 ACTION = '/arm/follow_joint_trajectory'
 REST = np.zeros((3, len(JOINTS)))

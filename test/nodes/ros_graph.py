@@ -14,6 +14,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.srv import ChangeState, GetState
+from nodes.forked import Fork, Nursery
 from programs import installed
 import psutil
 import pytest
@@ -35,6 +36,10 @@ UNKNOWN = '_NODE_NAME_UNKNOWN_'
 BECOME = 'import os, sys; os.execv(sys.argv[1], sys.argv[1:])'
 SIMULATED = ('simulated_panda', 'simulated_arm', 'reference')
 
+NURSERY = Nursery()
+STARTED: set[str] = set()
+"""Nodes that a process of their own has run already: all that follow are forks."""
+
 
 def _heed_signals() -> None:
     """Under nohup or in the background the tests ignore these, and what they start would too."""
@@ -43,19 +48,21 @@ def _heed_signals() -> None:
 
 
 class Process:
-    def __init__(
-        self, name: str, folder: Path, environment: dict[str, str], arguments: list[str]
-    ) -> None:
-        self.log_path = folder / f'{name}.log'
-        with open(self.log_path, 'wb') as log:
-            self._popen = subprocess.Popen(
+    def __init__(self, log_path: Path, popen: subprocess.Popen[bytes] | Fork) -> None:
+        self.log_path, self._popen = log_path, popen
+
+    @classmethod
+    def started(cls, log_path: Path, environment: dict[str, str], arguments: list[str]) -> Process:
+        with open(log_path, 'wb') as log:
+            popen = subprocess.Popen(
                 [sys.executable, *arguments],
-                cwd=folder,
+                cwd=log_path.parent,
                 env=environment,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 preexec_fn=_heed_signals,
             )
+        return cls(log_path, popen)
 
     @property
     def log(self) -> str:
@@ -97,7 +104,9 @@ class Process:
         except AssertionError:
             self._popen.kill()
             raise
-        return self._popen.wait()
+        status = self._popen.poll()
+        assert status is not None
+        return status
 
 
 class Client:
@@ -273,13 +282,22 @@ class Graph:
         return self.start_with(module, arguments)
 
     def start_with(self, module: str, arguments: list[str]) -> Process:
-        program = ['-m', f'lip_id_ros.nodes.{module}']
+        arguments = ['--ros-args', *arguments]
         if module in SIMULATED:
-            program = ['-c', f'from lip_id_ros.demo.nodes import {module}; exit({module}())']
-        return self.start_program(module, [*program, '--ros-args', *arguments])
+            code = f'from lip_id_ros.demo.nodes import {module}; exit({module}())'
+            return self.start_program(module, ['-c', code, *arguments])
+        name = f'lip_id_ros.nodes.{module}'
+        if module not in STARTED:
+            STARTED.add(module)
+            return self.start_program(module, ['-m', name, *arguments])
+        path = self.folder / f'{module}.log'
+        return self._keep(Process(path, NURSERY.fork(name, arguments, path, self.environment)))
 
     def start_program(self, name: str, arguments: list[str]) -> Process:
-        process = Process(name, self.folder, self.environment, arguments)
+        path = self.folder / f'{name}.log'
+        return self._keep(Process.started(path, self.environment, arguments))
+
+    def _keep(self, process: Process) -> Process:
         self.processes.append(process)
         return process
 

@@ -59,15 +59,15 @@ class Arm:
 
     def move(self, count: int = 10) -> None:
         """Publish so many joint states, ten milliseconds apart by their stamps."""
-        for row in itertools.islice(self._rows, count):
-            t = row / RATE_HZ
-            w = 2.0 * np.pi * np.array([0.11, 0.17, 0.23])
-            phase = w * t + np.array([0.0, 1.0, 2.0])
-            q, dq, ddq = np.sin(phase), w * np.cos(phase), -(w**2) * np.sin(phase)
-            tau = self.model.predict(*np.array([q, dq, ddq])[:, None]).tau[0]
-            stamp = messages.stamp_at(START_NS + round(1e9 * t))
-            message = messages.torque_message(stamp, known_model().joint_names, tau)
-            message.position, message.velocity = messages.doubles(q), messages.doubles(dq)
+        t = np.array(list(itertools.islice(self._rows, count))) / RATE_HZ
+        w = 2.0 * np.pi * np.array([0.11, 0.17, 0.23])
+        phase = np.outer(t, w) + np.array([0.0, 1.0, 2.0])
+        q, dq, ddq = np.sin(phase), w * np.cos(phase), -(w**2) * np.sin(phase)
+        tau = self.model.predict(q, dq, ddq).tau
+        for at, *state in zip(t, q, dq, tau, strict=True):
+            stamp = messages.stamp_at(START_NS + round(1e9 * at))
+            message = messages.torque_message(stamp, self.model.joint_names, state[2])
+            message.position, message.velocity = map(messages.doubles, state[:2])
             self._publisher.publish(message)
             time.sleep(0.001)  # best effort
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from copy import deepcopy
+import os
 from pathlib import Path
 import subprocess
 import sys
@@ -18,6 +19,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 from ament_index_python.packages import get_package_share_path, PackageNotFoundError
 from launch import LaunchContext
 from launch.launch_description_sources import AnyLaunchDescriptionSource
+from nodes.ros_graph import NURSERY, Process
 from nodes.test_serve import GOOD
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -210,12 +212,13 @@ def test_a_launch_with_wrong_arguments_starts_nothing(
     given = ['params_file:=arm.yaml', *arguments]
     if name != 'train':
         given.append('model_path:=model.npz')
-    command = ['-P', str(LAUNCHING), f'{name}.launch.py', *given]
-    ran = subprocess.run(
-        [sys.executable, *command], cwd=tmp_path, capture_output=True, text=True, check=False
+    log = tmp_path / 'launch.log'
+    forked = NURSERY.fork(
+        'examples.demo.launching', [f'{name}.launch.py', *given], log, os.environ
     )
-    assert ran.returncode == 1
-    said = ran.stdout + ran.stderr
+    process = Process(log, forked)
+    assert process.wait() == 1
+    said = process.log
     assert sentence in said
     assert 'Traceback' not in said
     assert 'process started' not in said

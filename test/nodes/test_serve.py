@@ -20,6 +20,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.nodes import messages
 
 if TYPE_CHECKING:
@@ -293,7 +294,7 @@ def answered(torques: list[Any], before: int) -> bool:
 
 def test_payloads_are_switched_without_a_reload(ros: Ros, model_path: str, tmp_path: Path) -> None:
     graph, client = ros
-    toy.model_with_weight(2.0).save(tmp_path / 'heavy.npz')
+    toy.heavier(InverseDynamicsModel.load(model_path)).save(tmp_path / 'heavy.npz')
     heavy = str(tmp_path / 'heavy.npz')
     start_serve(graph, model_path=model_path, payload_models=[heavy], autostart=True)
     torques = client.listen(JointState, TORQUE)

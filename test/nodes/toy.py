@@ -60,7 +60,7 @@ def model_path(factory: pytest.TempPathFactory) -> str:
     return str(made_once(factory, 'toy.npz', lambda path: model().save(path)))
 
 
-def model_with_weight(factor: float) -> InverseDynamicsModel:
-    data = dataset()
-    gravity = WEIGHT * np.sin(data.q)
-    return fit(replace(data, tau=data.tau + (factor - 1.0) * gravity), CHEAP)
+def heavier(model: InverseDynamicsModel) -> InverseDynamicsModel:
+    """Return a model whose links have twice the mass."""
+    assert model.arm is not None
+    return replace(model, arm=replace(model.arm, links=2.0 * model.arm.links))
