@@ -15,12 +15,18 @@ from lip_id_ros.adaptation.saved_state import resume, save
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError, SourceError
+from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.settings import executor_setting, setting, Settings
 from lip_id_ros.settings.settings import AT_START
 from lip_id_ros.signals.filters import LowPass
-from lip_id_ros.signals.joint_states import JointStateReader, MeasuredState, StampWatch
+from lip_id_ros.signals.joint_states import (
+    continued,
+    JointStateReader,
+    MeasuredState,
+    StampWatch,
+)
 from lip_id_ros.signals.joints import Refusal, RefusedError, require_joints, require_unique
 from lip_id_ros.signals.status import in_words, Level, Status, Tally
 
@@ -137,6 +143,8 @@ class LiveAdaptation:
         self.settings, self.joint_names = settings, model.joint_names
         self._adaptation = Adaptation(model)
         self._low, self._high = model.training_range
+        self._is_revolute = np.asarray(~is_prismatic(model.joint_types))
+        self._q: Array | None = None
         self._reader = JointStateReader(model.joint_names, model.effort_calibration)
         self._stamps, self._low_pass = StampWatch(), LowPass(settings.cutoff_hz)
         self._tally = Tally('too_soon', 'after_a_gap', 'out_of_range', 'learnable')
@@ -180,6 +188,9 @@ class LiveAdaptation:
             signals = np.stack([measured.q, measured.dq, measured.tau, sign])
             if not (np.abs(signals) <= MOST).all():
                 raise RefusedError(Refusal.TOO_LARGE)
+            if self._q is not None:
+                signals[0] = continued(measured.q, self._q, self._is_revolute)
+            self._q = signals[0]
             self._tally.used[self._use(measured, signals)] += 1
 
     def _use(self, measured: MeasuredState, signals: Array) -> str:
@@ -190,7 +201,8 @@ class LiveAdaptation:
         if 0.0 <= measured.t - self._last_t < NEARLY / self.settings.rate_hz:
             return 'too_soon'
         (q, dq, torque, sign), (_, ddq, _, _) = filtered
-        state = np.stack([q, dq, ddq])
+        # in the turn that is reported, as in the data of the fit
+        state = np.stack([continued(q, measured.q, self._is_revolute), dq, ddq])
         margin = 0.5 * self.settings.range_margin * (self._high - self._low)
         self._last_t = measured.t
         if (state < self._low - margin).any() or (state > self._high + margin).any():

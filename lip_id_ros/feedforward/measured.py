@@ -6,10 +6,12 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.feedforward.loading import LoadedModel
+from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.model import DynamicsModel, InverseDynamicsModel, Query
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.filters import LowPass
 from lip_id_ros.signals.joint_states import (
+    continued,
     JointStateReader,
     MeasuredState,
     NANOSECONDS,
@@ -29,6 +31,8 @@ class MeasuredArm:
         self._reader = JointStateReader(loaded.joint_names, loaded.calibration)
         self._stamps = StampWatch(LONGEST_STEP_S)
         self._cutoff_hz, self._low_pass = cutoff_hz, LowPass(cutoff_hz)
+        self._is_revolute = np.asarray(~is_prismatic(loaded.model.joint_types))
+        self._q: Array | None = None
         self._newest: DynamicsModel | None = None
         self._filtered = loaded.newest
 
@@ -59,11 +63,14 @@ class MeasuredArm:
         """
         if measured.tau is None:
             return None
-        signals = np.stack([measured.q, measured.dq, measured.tau])
+        before = measured.q if self._q is None else self._q
+        self._q = continued(measured.q, before, self._is_revolute)
+        signals = np.stack([self._q, measured.dq, measured.tau])
         filtered = self._low_pass.add(measured.t, signals)
         if filtered is None:
             return None
         (q, dq, tau), (_, ddq, _) = filtered
+        q = continued(q, measured.q, self._is_revolute)
         with np.errstate(all='ignore'):
             residual = tau - self.model_of_filtered_torques().query(q, dq, ddq).tau
         return residual if np.isfinite(residual).all() else None

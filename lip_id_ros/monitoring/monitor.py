@@ -39,6 +39,7 @@ from lip_id_ros.settings import executor_setting, setting, Settings
 from lip_id_ros.settings.settings import AT_START, PER_JOINT
 from lip_id_ros.signals.joint_states import (
     CONFIRMED_BY,
+    continued,
     JointStateReader,
     MeasuredState,
     NANOSECONDS,
@@ -56,7 +57,6 @@ from lip_id_ros.signals.status import in_words, Level, Tally
 LONGEST_GAP_S = 0.2
 NEARLY = 0.95
 """A sample this share of a period after the one before is taken: stamps jitter."""
-TURN = 2.0 * np.pi
 
 DEVIATIONS_OF = ('deviation_constant', 'deviation_torque', 'deviation_inertial', 'deviation_rest')
 """Parameters that hold the rows of `Deviation.shares`."""
@@ -305,9 +305,7 @@ class Monitor:
 
     def _continued(self, q: Array) -> Array:
         """Return positions without jumps of whole turns: joints may be reported within one."""
-        if self._q is None:
-            return q
-        return q + TURN * np.where(self._is_revolute, np.round((self._q - q) / TURN), 0.0)
+        return q if self._q is None else continued(q, self._q, self._is_revolute)
 
     @property
     def _longest_gap_s(self) -> float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError
 
@@ -22,6 +22,17 @@ LONGEST_STEP_S = 10.0
 """A stamp further ahead of the last one may be wrong."""
 
 NANOSECONDS = 1_000_000_000
+
+TURN = 2.0 * np.pi
+
+
+def continued(q: Array, before: Array, is_revolute: BoolArray) -> Array:
+    """
+    Return positions (n,) in the turn that is nearest to positions before, shape (n,).
+
+    Joints without stops may be reported within one turn: their positions jump by a whole one.
+    """
+    return q - TURN * np.where(is_revolute, np.round((q - before) / TURN), 0.0)
 
 
 @dataclass(frozen=True, eq=False)

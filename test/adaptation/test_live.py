@@ -30,7 +30,11 @@ GATES = ('too_soon', 'after_a_gap', 'out_of_range', 'waiting')
 
 
 def states(
-    model: InverseDynamicsModel, seconds: float, start: float = 0.0, rest: bool = False
+    model: InverseDynamicsModel,
+    seconds: float,
+    start: float = 0.0,
+    rest: bool = False,
+    middle: float = 0.0,
 ) -> Iterator[JointMessage]:
     """Yield joint states of slow sinusoids with the torques of an arm."""
     rng = np.random.default_rng(2)
@@ -40,10 +44,19 @@ def states(
     a = np.zeros((2, 1, 3)) if rest else np.array([0.6, 0.5])[:, None, None]
     parts = a * np.sin(phase), a * w * np.cos(phase), -a * w**2 * np.sin(phase)
     q, dq, ddq = (each.sum(axis=0) for each in parts)
+    q += middle
     tau = model.predict(q, dq, ddq).tau + 0.02 * rng.standard_normal(q.shape)
     for row, time in enumerate(t):
         stamp = START_NS + round(1e9 * time)
         yield JointMessage(stamp, model.joint_names, q[row], dq[row], tau[row])
+
+
+def within_a_turn(messages: Iterator[JointMessage]) -> Iterator[JointMessage]:
+    """Report positions from minus half a turn to half a turn."""
+    for each in messages:
+        q = np.asarray(each.position)
+        turns = np.round(q / (2.0 * np.pi))
+        yield each._replace(position=(q - 2.0 * np.pi * turns).tolist())
 
 
 def known_model() -> InverseDynamicsModel:
@@ -91,6 +104,23 @@ def test_friction_that_falls_comes_out_as_an_update_that_is_followed(path: str) 
     assert {text.partition(':')[0] for text in step.alarms} <= {*model.joint_names}
     assert step.alarms
     assert not found.step(1.1, 1001.1).alarms  # said once
+
+
+def test_positions_that_are_reported_within_a_turn_teach_the_same(path: str) -> None:
+    """A low-pass across the jump would give positions between, at which the arm was not."""
+    model = known_model()
+    low, high = 4.0 * np.stack(model.training_range)
+    replace(model, training_range=(low, high)).save(path)
+    numbers = []
+    for change in (iter, within_a_turn):
+        found = live(path, state_path='')
+        messages = list(states(with_friction(model, 0.5), 40.0, middle=np.pi))
+        step = feed(found, change(iter(messages)))
+        assert found.values()['out_of_range'] == 0
+        assert step.update is not None
+        numbers.append(step.update.numbers)
+    assert any(np.ptp(each.position) > 6.0 for each in within_a_turn(iter(messages)))
+    np.testing.assert_allclose(numbers[1], numbers[0], rtol=1e-6, atol=1e-9)
 
 
 def test_an_alarm_that_comes_back_is_told_again(path: str) -> None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from feedforward.arms import arm, NAMES
+from feedforward.arms import arm, NAMES, Sum
 import numpy as np
 import pytest
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.feedforward.measured import MeasuredArm
-from lip_id_ros.model import EffortCalibration
+from lip_id_ros.model import EffortCalibration, Query
 from lip_id_ros.model.effort_calibration import effort_calibrations
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.filters import LowPass
@@ -54,6 +55,28 @@ def test_the_residual_is_what_the_model_does_not_explain() -> None:
     assert len(settled) > 900
     # discretisation of the filter: below a hundredth of torques of up to 400
     np.testing.assert_allclose(settled, np.tile(UNEXPLAINED, (len(settled), 1)), atol=1.0)
+
+
+class Pendulum(Sum):
+    """A robot whose torques are 10 sin q (gravity)."""
+
+    def query(self, q: Array, dq: Array, ddq: Array) -> Query:
+        found = super().query(q, dq, ddq)
+        return found._replace(tau=10.0 * np.sin(q))
+
+
+def test_a_position_that_is_reported_within_a_turn_is_no_residual() -> None:
+    followed, found = MeasuredArm(replace(arm(), model=Pendulum()), 20.0), []
+    for number in range(2000):
+        q = np.array([1.0, -2.0]) * number * STEP_S
+        reported = q - 2.0 * np.pi * np.round(q / (2.0 * np.pi))
+        tau = (10.0 * np.sin(q)).tolist()
+        stamp = 10**9 + round(1e9 * STEP_S) * number
+        row = JointMessage(stamp, NAMES, reported.tolist(), [1.0, -2.0], tau)
+        found.append(followed.residual(followed.read(row, number * STEP_S)))
+    settled = [each for each in found if each is not None]
+    assert len(settled) > 1900
+    assert np.abs(settled).max() < 0.1
 
 
 def test_after_a_gap_the_residual_begins_anew() -> None:
