@@ -247,7 +247,7 @@ def test_outputs_of_the_verb(
     assert 'hardly better than the mean' not in output.err
     assert sorted(tmp_path.iterdir()) == before
     noise = 100.0 * np.random.default_rng(0).normal(size=motion().tau.shape)
-    replace(motion(), tau=noise).save('noise.npz')
+    replace(motion(), tau=motion().tau + noise).save('noise.npz')
     assert main(['payload', 'arm.npz', 'noise.npz']) == 0
     assert 'predicts hardly better than the mean' in ' '.join(capfd.readouterr().out.split())
 
