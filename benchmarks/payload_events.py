@@ -17,9 +17,9 @@ import numpy as np
 from benchmarks._drives import random_arm, WIDTH
 from benchmarks.warm_up import motion
 from lip_id_ros.adaptation.adaptation import Adaptation
-from lip_id_ros.adaptation.payloads import BODY
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.rigid_body.pseudo_inertia import BODY
 from lip_id_ros.workflow.fit import fit
 
 N_JOINTS = 4

@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks._cells import measured, show
 from benchmarks._loop_program import compiled
 from benchmarks.serve_rate import MIDDLEWARES
-from lip_id_ros.adaptation.payloads import BODY, known_payload
+from lip_id_ros.adaptation.payloads import known_payload
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.urdf import load_description
@@ -24,6 +24,7 @@ from lip_id_ros.export.c_header import to_c_header
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.identification import fit
 from lip_id_ros.rigid_body.chain import ROTOR
+from lip_id_ros.rigid_body.pseudo_inertia import BODY
 from lip_id_ros.simulation.arm import panda_urdf
 
 SOURCE = Path(__file__).with_name('arm_in_loop.cpp')

@@ -19,7 +19,6 @@ from lip_id_ros.adaptation.kalman import (
     STUCK,
 )
 from lip_id_ros.adaptation.payloads import (
-    BODY,
     known_payload,
     LONGEST_S,
     NUMBERS,
@@ -34,6 +33,7 @@ from lip_id_ros.friction.dahl import begins_of_times, dahl_states, LONGEST_GAP_S
 from lip_id_ros.joint_history import DISPLACEMENTS, JointHistory
 from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.rigid_body.pseudo_inertia import BODY
 
 GATE, HOLD_S = 6.0, 1.0
 """

@@ -188,9 +188,7 @@ class LiveAdaptation:
             signals = np.stack([measured.q, measured.dq, measured.tau, sign])
             if not (np.abs(signals) <= MOST).all():
                 raise RefusedError(Refusal.TOO_LARGE)
-            if self._q is not None:
-                signals[0] = continued(measured.q, self._q, self._is_revolute)
-            self._q = signals[0]
+            signals[0] = self._q = continued(measured.q, self._q, self._is_revolute)
             self._tally.used[self._use(measured, signals)] += 1
 
     def _use(self, measured: MeasuredState, signals: Array) -> str:

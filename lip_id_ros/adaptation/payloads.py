@@ -15,15 +15,13 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array
-
-BODY = 10
-"""Numbers of a body: mass, first moments, inertias xx xy xz yy yz zz."""
+from lip_id_ros.rigid_body.pseudo_inertia import BODY
 
 NUMBERS = 8
 """Of a payload: mass, centre of mass, and their deviations."""
 
 PRIOR_STD = np.array([5.0, *3 * (1.0,), *6 * (0.3,)])
-"""Of these numbers [kg, kg m, kg m^2]."""
+"""Of the parameters of a body [kg, kg m, kg m^2]."""
 
 LEAST_S, SETTLED_S = 1.0, 5.0
 """Motion after which a payload may be found, and after which it is known [s]."""

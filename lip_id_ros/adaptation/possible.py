@@ -7,7 +7,7 @@ from scipy.optimize import nnls
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.rigid_body import LINK_PARAMETERS
-from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
+from lip_id_ros.rigid_body.pseudo_inertia import BODY, pseudo_inertia, UNIT_INERTIAS
 
 EXISTS = 0.05
 """Least share of a link's inertia in any direction, in that of the arm that was commissioned."""
@@ -21,9 +21,7 @@ ROUNDS = 50
 ON_BOUND = 1e-6
 """Deviations beyond a bound with which a number is taken to be on it."""
 
-_BODY = LINK_PARAMETERS - 1
-_COLUMNS = np.arange(_BODY)
-_UNITS = pseudo_inertia(np.eye(_BODY))
+_COLUMNS = np.arange(BODY)
 
 
 def can_exist(links: Array) -> bool:
@@ -47,7 +45,7 @@ class PossibleArms:
         self._links = links
         whitening = np.linalg.inv(np.linalg.cholesky(pseudo_inertia(links)))[:, None]
         # pseudo-inertias of unit parameters in those of the commissioned arm, (n, 10, 16)
-        units = whitening @ _UNITS @ np.swapaxes(whitening, -1, -2)
+        units = whitening @ UNIT_INERTIAS @ np.swapaxes(whitening, -1, -2)
         self._units = units.reshape(*units.shape[:2], -1)
         least = np.full(links.shape, -np.inf)
         least[:, -1] = EXISTS * links[:, -1]
@@ -114,7 +112,7 @@ class PossibleArms:
     def _shares(self, numbers: Array) -> Array:
         """Return the pseudo-inertias in those of the commissioned arm, shape (n, 4, 4)."""
         links = numbers[: self._links.size].reshape(self._links.shape)
-        return (links[:, None, :_BODY] @ self._units).reshape(-1, 4, 4)
+        return (links[:, None, :BODY] @ self._units).reshape(-1, 4, 4)
 
 
 def least_distance(slopes: Array, least: Array) -> tuple[Array, BoolArray] | None:

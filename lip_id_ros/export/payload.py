@@ -13,12 +13,12 @@ from scipy.spatial.transform import Rotation
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.identification.payload import LoadedArm, Payload
-from lip_id_ros.identification.payload_problem import BODY, with_body
+from lip_id_ros.identification.payload_problem import with_body
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import compacted
 from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.denavit_hartenberg import displaced, STEP, with_standard_frames
-from lip_id_ros.rigid_body.pseudo_inertia import in_other_frames
+from lip_id_ros.rigid_body.pseudo_inertia import BODY, in_other_frames
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 HEAD = '# payload found by lip_id_ros'

@@ -63,8 +63,7 @@ class MeasuredArm:
         """
         if measured.tau is None:
             return None
-        before = measured.q if self._q is None else self._q
-        self._q = continued(measured.q, before, self._is_revolute)
+        self._q = continued(measured.q, self._q, self._is_revolute)
         signals = np.stack([self._q, measured.dq, measured.tau])
         filtered = self._low_pass.add(measured.t, signals)
         if filtered is None:

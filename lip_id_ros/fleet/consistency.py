@@ -21,12 +21,10 @@ from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.statistics import contiguous_blocks
 from lip_id_ros.identification.total import unpacked
 from lip_id_ros.rigid_body import LINK_PARAMETERS
+from lip_id_ros.rigid_body.pseudo_inertia import BODY
 
 PARTS = 4
 """Of every recording, of equal numbers of samples."""
-
-BODY = 10
-"""Mass, its moments and inertia: what a load changes of a link's parameters."""
 
 PRIOR = 1e-3
 """Information of the prior of a change, as a share of what a part has on average."""

@@ -270,8 +270,8 @@ class ArmFitter:
             states = [likely, problem.evaluated(described)]
         else:
             linear = PlacementProblem(samples, noise.std).at(chain.rotations, chain.translations)
-            own, size = linear.link_parameters(samples), linear.friction_coefficients(samples)
-            states = [problem.start(chain, own, size, lift) for lift in LIFTS]
+            found = linear.link_parameters(samples), linear.friction_coefficients(samples)
+            states = [problem.start(chain, *found, lift) for lift in LIFTS]
         for state in states:
             yield self.at(ArmFit(state, links, friction, noise, geometry), problem, state)
 

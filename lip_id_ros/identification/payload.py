@@ -12,7 +12,6 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.identification.levenberg_marquardt import minimise
 from lip_id_ros.identification.payload_problem import (
-    BODY,
     LoadedState,
     PayloadProblem,
     WeightedTorques,
@@ -22,7 +21,7 @@ from lip_id_ros.identification.statistics import contiguous_blocks
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.residual_gp import ResidualGPMean
-from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
+from lip_id_ros.rigid_body.pseudo_inertia import BODY, pseudo_inertia
 
 ROUNDS, EVALUATIONS, TOLERANCE = 3, 100, 1e-6
 BLOCKS = 50
@@ -163,8 +162,12 @@ def _existing(problem: PayloadProblem, at: LoadedState) -> LoadedState:
 
 def _triangle(problem: PayloadProblem, at: LoadedState) -> Array:
     """Return the triangular factor of all rows, those of the prior included."""
-    rows = [problem.rows(at), np.diag(problem.precision)]
-    return np.asarray(np.linalg.qr(np.concatenate(rows), mode='r'))
+    return np.asarray(np.linalg.qr(_all_rows(problem, at), mode='r'))
+
+
+def _all_rows(problem: PayloadProblem, at: LoadedState) -> Array:
+    """Return the rows of torques and prior."""
+    return np.concatenate([problem.rows(at), np.diag(problem.precision)])
 
 
 def _reweighted(problem: PayloadProblem, at: LoadedState, least: Array) -> PayloadProblem:
@@ -201,7 +204,7 @@ def _correlation(residual: Array) -> Array:
 
 def _existing_body(problem: PayloadProblem, at: LoadedState) -> Array:
     """Return the body that can exist and explains most beside the arm of a state."""
-    rows = np.concatenate([problem.rows(at), np.diag(problem.precision)])[:, -BODY:]
+    rows = _all_rows(problem, at)[:, -BODY:]
     target = rows @ at.body + np.concatenate([at.residual, -problem.prior_residual(at)])
     triangle = np.linalg.qr(np.column_stack([rows, target]), mode='r')
     root, right = triangle[:-1, :-1], triangle[:-1, -1]

@@ -19,6 +19,7 @@ from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.pseudo_inertia import (
+    BODY,
     link_parameter_jacobian,
     link_parameters,
     log_cholesky,
@@ -26,9 +27,6 @@ from lip_id_ros.rigid_body.pseudo_inertia import (
     scale_of,
 )
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
-
-BODY = LINK_PARAMETERS - 1
-"""Number of parameters of a body: those of a link without its rotor."""
 
 MASS, LENGTH = 10.0, 0.3
 """Prior standard deviations of a payload's mass [kg] and of where it is [m]."""

@@ -14,17 +14,12 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.rigid_body import LINK_PARAMETERS
-from lip_id_ros.rigid_body.pseudo_inertia import LinkScale, pseudo_inertia
+from lip_id_ros.rigid_body.pseudo_inertia import BODY, LinkScale, UNIT_INERTIAS
 
 ITERATIONS, SHORTEST, ROUNDING = 50, 1e-10, 1e-14
 
 CONVERGED = 1e-6
 """Gain that a step promises, in the weight of the barrier, where a descent ends."""
-
-BODY = LINK_PARAMETERS - 1
-"""Number of parameters of a body: those of a link without its rotor."""
-
-_UNITS = pseudo_inertia(np.eye(BODY))
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +43,9 @@ class BarrierProblem:
     def of_body(cls, hessian: Array, right: Array) -> BarrierProblem:
         """Return the problem of one body, with H (10, 10) and b (10,), that is pulled nowhere."""
         none = np.zeros(BODY, dtype=np.bool_)
-        return cls(hessian, right, np.arange(BODY)[None], _UNITS[None], none, np.zeros(BODY))
+        return cls(
+            hessian, right, np.arange(BODY)[None], UNIT_INERTIAS[None], none, np.zeros(BODY)
+        )
 
     @classmethod
     def of_arm(
@@ -63,7 +60,9 @@ class BarrierProblem:
         n = (right.size - size.size) // LINK_PARAMETERS
         bodies = LINK_PARAMETERS * np.arange(n)[:, None] + np.arange(BODY)
         inverse = np.linalg.inv(scale.factors)[:, None]
-        units = np.broadcast_to(inverse @ _UNITS @ np.swapaxes(inverse, 2, 3), (n, BODY, 4, 4))
+        units = np.broadcast_to(
+            inverse @ UNIT_INERTIAS @ np.swapaxes(inverse, 2, 3), (n, BODY, 4, 4)
+        )
         must, pull = np.zeros(right.size, dtype=np.bool_), np.zeros(right.size)
         must[bodies[:, -1] + 1] = True
         must[right.size - size.size :] = positive

@@ -287,9 +287,8 @@ class Monitor:
             self._begin_anew()
         if self._adapted is not None:
             self._adapted.advance(measured.t)
-        q = self._continued(measured.q)
-        self._q = q
-        state = (measured.t, q, measured.dq, measured.tau)
+        self._q = continued(measured.q, self._q, self._is_revolute)
+        state = (measured.t, self._q, measured.dq, measured.tau)
         external, energy = self._external.update(*state), self._energy.update(*state)
         estimates = (external.torque, external.terms, energy.unexplained)
         if not all(np.isfinite(each).all() for each in estimates):
@@ -302,10 +301,6 @@ class Monitor:
         self._learn(step, measured.dq, external)
         judged = None if self._detector is None else self._detector.judge(external)
         return Watched(external, energy, judged, self._in_contact(measured.t, judged))
-
-    def _continued(self, q: Array) -> Array:
-        """Return positions without jumps of whole turns: joints may be reported within one."""
-        return q if self._q is None else continued(q, self._q, self._is_revolute)
 
     @property
     def _longest_gap_s(self) -> float:

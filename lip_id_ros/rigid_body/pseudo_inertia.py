@@ -16,6 +16,9 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 
+BODY = 10
+"""Parameters of a body: mass, first moments, inertias xx xy xz yy yz zz; no rotor."""
+
 ROWS, COLUMNS = np.triu_indices(3)
 """Of the inertias xx xy xz yy yz zz."""
 
@@ -35,6 +38,10 @@ def pseudo_inertia(parameters: Array) -> Array:
     out[..., 3, :3] = out[..., :3, 3] = parameters[..., 1:4]
     out[..., 3, 3] = parameters[..., 0]
     return out
+
+
+UNIT_INERTIAS = pseudo_inertia(np.eye(BODY))
+"""Pseudo-inertias of unit parameters, shape (10, 4, 4)."""
 
 
 def from_pseudo_inertia(pseudo: Array) -> Array:

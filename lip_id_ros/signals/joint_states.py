@@ -26,12 +26,14 @@ NANOSECONDS = 1_000_000_000
 TURN = 2.0 * np.pi
 
 
-def continued(q: Array, before: Array, is_revolute: BoolArray) -> Array:
+def continued(q: Array, before: Array | None, is_revolute: BoolArray) -> Array:
     """
-    Return positions (n,) in the turn that is nearest to positions before, shape (n,).
+    Return positions (n,) in the turn that is nearest to positions before, if there are any.
 
     Joints without stops may be reported within one turn: their positions jump by a whole one.
     """
+    if before is None:
+        return q
     return q - TURN * np.where(is_revolute, np.round((q - before) / TURN), 0.0)
 
 

@@ -12,7 +12,6 @@ from lip_id_ros.adaptation.adaptation import Adaptation
 from lip_id_ros.adaptation.followed import FollowedArm, WalkSettings
 from lip_id_ros.adaptation.kalman import SETTLING
 from lip_id_ros.adaptation.payloads import (
-    BODY,
     known_payload,
     Payload,
     payload_of,
@@ -21,6 +20,7 @@ from lip_id_ros.adaptation.payloads import (
 )
 from lip_id_ros.adaptation.possible import can_exist
 from lip_id_ros.model import InverseDynamicsModel
+from lip_id_ros.rigid_body.pseudo_inertia import BODY
 
 CENTRE = np.array([0.03, -0.02, 0.12])
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.identification.possible_links import BarrierProblem, BODY
-from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia, scale_of
+from lip_id_ros.identification.possible_links import BarrierProblem
+from lip_id_ros.rigid_body.pseudo_inertia import BODY, pseudo_inertia, scale_of
 
 BARRIERS = (1.0, 1e-2, 1e-4, 1e-6)
 UNIT = np.array([1.0, 0.0, 0.0, 0.0, 0.02, 0.0, 0.0, 0.02, 0.0, 0.02])

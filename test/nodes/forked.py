@@ -27,13 +27,13 @@ PRELOADED = (*(f'lip_id_ros.nodes.{name}' for name in NODES), 'examples.demo.lau
 class Fork:
     """One process, with the part of `subprocess.Popen` that tests use."""
 
-    def __init__(self, nursery: Nursery, pid: int) -> None:
-        self._nursery, self.pid = nursery, pid
+    def __init__(self, server: ForkServer, pid: int) -> None:
+        self._server, self.pid = server, pid
         self.returncode: int | None = None
 
     def poll(self) -> int | None:
         if self.returncode is None:
-            self.returncode = self._nursery.ask({'poll': self.pid})
+            self.returncode = self._server.ask({'poll': self.pid})
         return self.returncode
 
     def send_signal(self, number: int) -> None:
@@ -44,7 +44,7 @@ class Fork:
         self.send_signal(signal.SIGKILL)
 
 
-class Nursery:
+class ForkServer:
     """The process that forks, from its first request on; it ends with this one."""
 
     def __init__(self) -> None:
@@ -89,15 +89,15 @@ class Nursery:
 
 
 def serve_requests(requests: IO[str], answers: IO[str]) -> dict[str, Any] | None:
-    """Answer until nobody asks; in a fork, return what it is to run."""
+    """Answer requests until there are no more; in a fork, return its request."""
     running: set[int] = set()
     for line in requests:
         request = json.loads(line)
         if 'poll' in request:
-            pid, answer = os.waitpid(request['poll'], os.WNOHANG), None
-            if pid[0]:
-                running.discard(pid[0])
-                answer = os.waitstatus_to_exitcode(pid[1])
+            (pid, status), answer = os.waitpid(request['poll'], os.WNOHANG), None
+            if pid:
+                running.discard(pid)
+                answer = os.waitstatus_to_exitcode(status)
         else:
             answer = os.fork()
             if not answer:

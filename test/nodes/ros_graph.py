@@ -14,7 +14,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.srv import ChangeState, GetState
-from nodes.forked import Fork, Nursery
+from nodes.forked import Fork, ForkServer
 from programs import installed
 import psutil
 import pytest
@@ -36,7 +36,7 @@ UNKNOWN = '_NODE_NAME_UNKNOWN_'
 BECOME = 'import os, sys; os.execv(sys.argv[1], sys.argv[1:])'
 SIMULATED = ('simulated_panda', 'simulated_arm', 'reference')
 
-NURSERY = Nursery()
+FORK_SERVER = ForkServer()
 STARTED: set[str] = set()
 """Nodes that a process of their own has run already: all that follow are forks."""
 
@@ -291,7 +291,7 @@ class Graph:
             STARTED.add(module)
             return self.start_program(module, ['-m', name, *arguments])
         path = self.folder / f'{module}.log'
-        return self._keep(Process(path, NURSERY.fork(name, arguments, path, self.environment)))
+        return self._keep(Process(path, FORK_SERVER.fork(name, arguments, path, self.environment)))
 
     def start_program(self, name: str, arguments: list[str]) -> Process:
         path = self.folder / f'{name}.log'

@@ -19,7 +19,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 from ament_index_python.packages import get_package_share_path, PackageNotFoundError
 from launch import LaunchContext
 from launch.launch_description_sources import AnyLaunchDescriptionSource
-from nodes.ros_graph import NURSERY, Process
+from nodes.ros_graph import FORK_SERVER, Process
 from nodes.test_serve import GOOD
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -213,7 +213,7 @@ def test_a_launch_with_wrong_arguments_starts_nothing(
     if name != 'train':
         given.append('model_path:=model.npz')
     log = tmp_path / 'launch.log'
-    forked = NURSERY.fork(
+    forked = FORK_SERVER.fork(
         'examples.demo.launching', [f'{name}.launch.py', *given], log, os.environ
     )
     process = Process(log, forked)
