@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +14,6 @@ from lip_id_ros.adaptation.kalman import (
     DISTURBED,
     follow,
     LEARNED,
-    let_walk,
     RESTING,
     SETTLING,
     STUCK,
@@ -28,6 +28,7 @@ from lip_id_ros.adaptation.payloads import (
     PayloadWatch,
 )
 from lip_id_ros.arrays import Array, BoolArray, IntArray
+from lip_id_ros.dataset.provenance import sample_interval_s
 from lip_id_ros.errors import DataError, ShapeError
 from lip_id_ros.friction.dahl import begins_of_times, dahl_states, LONGEST_GAP_S, Steps
 from lip_id_ros.joint_history import DISPLACEMENTS, JointHistory
@@ -137,9 +138,9 @@ class Adaptation:
 
     def __init__(self, model: InverseDynamicsModel, walk: WalkSettings | None = None) -> None:
         self.commissioned, self.arm = model, FollowedArm(model, walk or WalkSettings())
-        self._walk = self.arm.walk
         self._revolute = np.asarray(~is_prismatic(model.joint_types))
-        self._inflation = _inflation_of(model)
+        self._inflation_of_fit = _inflation_of(model)
+        self._interval_of_fit = sample_interval_s(model.provenance)
         self._t, self._quiet, self.n_forgotten = np.nan, np.inf, 0
         self._q, self._tau = np.zeros((2, model.n_joints))
         self._changed_at = np.full(model.n_joints, np.nan)
@@ -148,7 +149,7 @@ class Adaptation:
         self._watch = PayloadWatch(model.n_joints, self.arm.unsure_of_payloads)
         self.payload: Payload | None = None
         self.payload_events: list[PayloadEvent] = []
-        self._begin(self._walk.variance)
+        self._begin(self.arm.change_variance)
 
     def _begin(self, variance: Array) -> None:
         """Begin with the fit, and variances of what may have changed since, shape (p,)."""
@@ -171,7 +172,7 @@ class Adaptation:
         """Forget what was learned and all payloads: the arm is as it was commissioned."""
         carried = self._carried
         self.arm.carry(np.zeros(BODY))
-        self._begin(self._walk.variance)
+        self._begin(self.arm.change_variance)
         self.payload = None
         if carried is not None:
             self._tell_payload()
@@ -207,7 +208,7 @@ class Adaptation:
         if found.shape not in ((0,), (NUMBERS,)) or not np.isfinite(seconds):
             raise ValueError('a payload or a time that is none')
         self.arm.carry(state['announced'])
-        self._begin(self._walk.variance)
+        self._begin(self.arm.change_variance)
         self.numbers, self.covariance = state['numbers'].copy(), state['covariance'].copy()
         self._found, self._inflations = state['found'].copy(), state['inflations'].copy()
         self.payload = Payload.from_array(found) if found.size else None
@@ -217,10 +218,19 @@ class Adaptation:
 
     def pause(self, seconds: float) -> None:
         """Let a time without samples pass [s]; the next sample may be of another clock."""
-        mean = self.numbers[self.arm.active]
-        let_walk(mean, self.covariance, self._walk, seconds)
-        self.numbers[self.arm.active] = mean
+        self._go_back(seconds)
+        walk = self.arm.walk
+        walked = self.covariance[-len(walk.covariance) :, -len(walk.covariance) :]
+        walked += walk.growth(np.array(seconds)) * walk.covariance
         self._t = np.nan
+
+    def _go_back(self, seconds: float) -> None:
+        """Let friction return towards that of the fit for a time [s]."""
+        centre, active = self.arm.start.copy(), self.arm.active
+        centre[self._last] += self._found + self._body  # payloads say nothing of friction
+        mean = self.numbers[active]
+        self.arm.walk.go_back(mean, self.covariance, centre[active], seconds)
+        self.numbers[active] = mean
 
     def announce(self, mass: float, centre: Array) -> None:
         """
@@ -314,9 +324,13 @@ class Adaptation:
         """
         times, *arrays = self._checked(t, (q, dq, ddq, tau))
         columns = times, *arrays, np.broadcast_to(left_out, arrays[0].shape)
-        starts = range(0, max(len(times), 1), CHUNK)
+        breaks = np.flatnonzero(np.diff(times) > LONGEST_GAP_S) + 1
+        edges = np.union1d(breaks, np.arange(0, max(len(times), 1), CHUNK)).tolist()
         return Followed.joined(
-            [self._followed(*(x[k : k + CHUNK] for x in columns)) for k in starts]
+            [
+                self._followed(*(x[first:last] for x in columns))
+                for first, last in pairwise([*edges, len(times)])
+            ]
         )
 
     def _followed(
@@ -325,24 +339,28 @@ class Adaptation:
         if not t.size:
             return Followed(q, q, q, np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.bool_))
         history, steps, active = self._history(t, q, dq), self._steps(t), self.arm.active
+        self._go_back(steps.sum())
         torque, slopes = self.arm.linearised(self.numbers, q, dq, ddq, history)
         frozen = self.arm.fitted_torque(q, dq, ddq, history)
         noise = self._inflations * np.square(self.arm.noise.std_at(dq))
         rests = (np.abs(dq) < NEAR_REST * self.arm.speed) | left_out
         stuck = self._stuck(t, measured) & ~rests
         rests |= stuck
-        mean = self.numbers[active]
+        inflation, mean = self._inflation(steps), self.numbers[active]
         predicted, variance, outcome = np.empty_like(q), np.empty_like(q), np.empty(len(q))
         self._quiet = follow(
             mean,
             self.covariance,
-            self._walk,
+            *self.arm.bounds,
             steps,
+            self.arm.walk.covariance,
+            self.arm.walk.growth(steps),
             torque,
             np.ascontiguousarray(slopes[..., active]),
             measured,
-            np.where(rests | self._settling, np.inf, self._inflation * noise),
-            np.inf if self._settling else GATE,
+            np.where(rests | self._settling, np.inf, noise),
+            inflation,
+            self._gate,
             HOLD_S,
             self._quiet,
             predicted,
@@ -363,9 +381,29 @@ class Adaptation:
         self._widen(*(x[learned] for x in (steps, *left)))
         if self._seconds == 0.0:  # begun anew: what was expected is no longer
             return followed
-        unexplained = measured - predicted, self._inflation * std**2
+        unexplained = measured - predicted, std**2, inflation
         self._look_for_payload(steps, slopes[..., self._last], *unexplained, outcome)
         return followed
+
+    @property
+    def _gate(self) -> Array:
+        """Deviations beyond which a torque is not that of the arm, by recent errors, (n,)."""
+        if self._settling:
+            return np.full_like(self._excess, np.inf)
+        return np.asarray(GATE * np.sqrt(np.maximum(self._excess, 1.0)))
+
+    def _inflation(self, steps: Array) -> Array:
+        """
+        Return the inflation of the noise of samples, (N,), by the time before each [s].
+
+        Noise that lasts says as little in a second at any rate.
+
+        """
+        interval = self._interval_of_fit
+        if interval is None:
+            return np.full(steps.shape, self._inflation_of_fit)
+        share = np.divide(interval, steps, out=np.full(steps.shape, np.inf), where=steps > 0.0)
+        return np.asarray(np.maximum(self._inflation_of_fit * share, 1.0))
 
     def _kind(self, outcome: Array, stuck: BoolArray, rests: BoolArray) -> IntArray:
         """Return what became of N samples, with the reasons that the filter does not know."""
@@ -384,7 +422,13 @@ class Adaptation:
         return np.asarray(t[:, None] - at > STUCK_S)
 
     def _look_for_payload(
-        self, steps: Array, slopes: Array, residual: Array, variance: Array, outcome: Array
+        self,
+        steps: Array,
+        slopes: Array,
+        residual: Array,
+        variance: Array,
+        inflation: Array,
+        outcome: Array,
     ) -> None:
         """Find a body that explains a disturbance, and learn it while it settles."""
         watch, body = self._watch, self._body
@@ -393,12 +437,13 @@ class Adaptation:
             watch.clear()
             first = int(np.flatnonzero(outcome == LEARNED)[-1]) + 1
         _, seconds = _motion(steps[first:], variance[first:])
-        watch.add(seconds, slopes[first:], (residual + slopes @ body)[first:], variance[first:])
+        residual = residual + slopes @ body
+        watch.add(seconds, *(x[first:] for x in (slopes, residual, variance, inflation)))
         if watch.is_long_enough and watch.is_payload:
             self._settling |= bool(self._excess_moving.max() < MOST_EXCESS)
         if self._settling:
             self._settle(body)
-        elif watch.seconds > LONGEST_S:
+        elif watch.is_long_enough and watch.seconds > LONGEST_S:
             watch.clear()
 
     def _settle(self, before: Array) -> None:
@@ -434,7 +479,7 @@ class Adaptation:
         if self._seconds > PROBATION_S and self._squares[0] > WORSE * self._squares[1]:
             self.n_forgotten += 1
             # what may have changed is small, or a payload would be learned as friction
-            self._begin(AFTER**2 * self._walk.variance)
+            self._begin(AFTER**2 * self.arm.change_variance)
             if self.payload is not None:
                 self.payload = None
                 self._tell_payload()

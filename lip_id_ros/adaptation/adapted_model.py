@@ -39,7 +39,7 @@ class AdaptedModel:
         self.rules, self._model = rules, model
         self._arm = FollowedArm(model, WalkSettings())
         # the bounds of `adapt`, whose friction has the rise time of the recording
-        self._walk, self._hash = FollowedArm(fitted, WalkSettings()).walk, fitted.fingerprint
+        self._bounds, self._hash = FollowedArm(fitted, WalkSettings()).bounds, fitted.fingerprint
         self._slopes = self._slopes_of_torques(model)
         self._mean = ChangingArmMean(self._arm.arm, model.residual_gp)
         self._memory = model.running_memory()
@@ -188,7 +188,7 @@ class AdaptedModel:
         if not can_exist(links):
             raise RefusedError(Refusal.IMPOSSIBLE_ARM)
         active = numbers[arm.active]
-        within = (active >= self._walk.lower) & (active <= self._walk.upper)
+        within = (active >= self._bounds[0]) & (active <= self._bounds[1])
         with np.errstate(over='ignore', invalid='ignore'):
             change = np.abs(self._slopes @ (numbers - start)).max(axis=0)
         if not within.all() or not (change <= self.rules.limits).all():

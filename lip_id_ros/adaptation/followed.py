@@ -117,23 +117,35 @@ class FollowedArm:
         """Covariance of the active numbers after the fit, shape (p, p)."""
         return np.asarray(self._root @ self._root.T)
 
-    @property
+    @cached_property
     def walk(self) -> Walk:
-        """How the active numbers change: friction does, links do not."""
-        links, own = np.zeros(self._n_links), self._settings
+        """How friction changes; links do not."""
+        links, friction = np.split(self._root, [len(self._root) - self._walk_variance.size])
+        # friction by links, as the posterior of the fit has it, and what it leaves open
+        slopes = np.linalg.lstsq(links.T, friction.T, rcond=None)[0].T
+        left = friction - slopes @ links
+        covariance = left @ left.T + np.diag(self._walk_variance)
+        return Walk(slopes, covariance, 1.0 / (SECONDS * self._settings.hours))
+
+    @property
+    def change_variance(self) -> Array:
+        """Variances of changes in the long run of the active numbers, shape (p,)."""
+        links = np.zeros(len(self._root) - self._walk_variance.size)
+        return np.concatenate([links, self._walk_variance])
+
+    @cached_property
+    def _walk_variance(self) -> Array:
+        own, start = self._settings, self.arm.friction.coefficients
         is_offset = np.array([isinstance(term, Offset) for _, term in self._columns])
-        start = self.arm.friction.coefficients
         changing = np.hypot(own.friction * start, own.small * self.unit)
-        std = np.where(is_offset, own.offset * self.unit, changing)
+        return np.asarray(np.where(is_offset, own.offset * self.unit, changing) ** 2)
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lowest and highest active numbers that are followed, each of shape (p,)."""
+        links = np.full(len(self._root) - self._walk_variance.size, np.inf)
         lower, upper = self._bounds
-        rate = np.full(std.size, 1.0 / (SECONDS * own.hours))
-        return Walk(
-            centre=self.start[self.active],
-            variance=np.concatenate([links, std**2])[self.active],
-            rate=np.concatenate([links, rate])[self.active],
-            lower=np.concatenate([links - np.inf, lower])[self.active],
-            upper=np.concatenate([links + np.inf, upper])[self.active],
-        )
+        return np.concatenate([-links, lower]), np.concatenate([links, upper])
 
     @property
     def _bounds(self) -> tuple[Array, Array]:

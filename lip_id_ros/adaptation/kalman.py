@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,34 +22,60 @@ payload is being found. `STUCK`: the torque of a joint that moves stands still, 
 """
 
 
-class Walk(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Walk:
     """
-    An Ornstein-Uhlenbeck process of each number: it walks, and returns where nothing is seen.
+    Ornstein-Uhlenbeck processes of the last K of p numbers; the others do not change.
 
-    `centre`, `variance`, shape (p,): where the numbers return to, and their variances in the long
-    run. `rate`, shape (p,): of the return [1/s]; 0 for numbers that do not change.
-    `lower`, `upper`, shape (p,): bounds.
+    The numbers that walk return to what the others leave open of them: `slopes`, shape (K, p - K),
+    of their expectation by the others, and `covariance`, shape (K, K), about it in the long run.
+    `rate`: of the return [1/s].
 
     """
 
-    centre: Array
-    variance: Array
-    rate: Array
-    lower: Array
-    upper: Array
+    slopes: Array
+    covariance: Array
+    rate: float
+
+    def growth(self, seconds: Array) -> Array:
+        """Return the share of `covariance` by which a walk grows in times of any shape [s]."""
+        return np.asarray(-np.expm1(-2.0 * self.rate * np.maximum(seconds, 0.0)))
+
+    def go_back(self, mean: Array, covariance: Array, centre: Array, seconds: float) -> None:
+        """
+        Let numbers return for a time [s], without growth.
+
+        `mean`, (p,), `covariance`, (p, p): changed. `centre`, (p,): of numbers that nothing shows.
+
+        """
+        kept, first = np.exp(-self.rate * max(seconds, 0.0)), self.slopes.shape[1]
+        still, walking = slice(first), slice(first, None)
+        usual = centre[walking] + self.slopes @ (mean[still] - centre[still])
+        mean[walking] = usual + kept * (mean[walking] - usual)
+        by_others = (1.0 - kept) * self.slopes
+        mixed = kept * covariance[walking, still] @ by_others.T
+        more = by_others @ covariance[still, still]
+        covariance[walking, walking] *= kept**2
+        covariance[walking, walking] += mixed + mixed.T + more @ by_others.T
+        cross = kept * covariance[walking, still] + more
+        covariance[walking, still], covariance[still, walking] = cross, cross.T
 
 
 @jit
 def follow(
     mean: Array,
     covariance: Array,
-    walk: Walk,
+    lower: Array,
+    upper: Array,
     steps: Array,
+    walked: Array,
+    growth: Array,
     torque: Array,
     slopes: Array,
     measured: Array,
     noise: Array,
-    gate: float,
+    inflation: Array,
+    gate: Array,
     hold: float,
     quiet: float,
     predicted: Array,
@@ -60,14 +86,15 @@ def follow(
     Predict the torques of N samples one after the other, and learn from each after that.
 
     An innovation of z deviations, z > `CLIPPED`, has the noise of one of `CLIPPED`: it counts for
-    less the larger it is. Nothing is learned from a sample with one beyond `gate` deviations, nor
-    for `hold` seconds after it. The return value is the time since the last of these [s].
+    less the larger it is. Nothing is learned from a sample with one beyond `gate` deviations, of
+    shape (n,), nor for `hold` seconds after it. The return value is the time since then [s].
 
-    `mean`, (p,), `covariance`, (p, p): changed.
-    `steps`, (N,): time since the sample before [s].
+    `mean`, (p,), `covariance`, (p, p): changed. `lower`, `upper`, (p,): bounds of the numbers.
+    `steps`, (N,): time since the sample before [s]. `walked`, (K, K), `growth`, (N,): of the last
+    numbers, so large a share of this covariance comes before each sample.
     `torque`, (N, n), `slopes`, (N, n, p): torques are torque + slopes (mean - mean at the start).
     `measured`, (N, n); `noise`, (N, n): variances of measured torques, infinite where nothing is
-    to be learned.
+    to be learned. `inflation`, (N,): of these where samples are learned from, since noise lasts.
     `quiet`: time since the last disturbance before these samples [s].
     `predicted`, `variance`, (N, n), `outcome`, (N,): set: torques expected before the sample was
     learned from, the variances of these expectations, and `LEARNED`, `DISTURBED`, or `HELD` soon
@@ -75,9 +102,9 @@ def follow(
 
     """
     count, n, size = slopes.shape
-    spread, around = np.empty(size), mean.copy()
+    spread, around, first = np.empty(size), mean.copy(), size - len(walked)
     for t in range(count):
-        let_walk(mean, covariance, walk, steps[t])
+        covariance[first:, first:] += growth[t] * walked
         quiet += steps[t]
         for i in range(n):
             _multiply(covariance, slopes[t, i], spread)
@@ -86,7 +113,7 @@ def follow(
                 predicted[t, i] += slopes[t, i, k] * (mean[k] - around[k])
                 variance[t, i] += slopes[t, i, k] * spread[k]
             error = abs(measured[t, i] - predicted[t, i])
-            if not error <= gate * np.sqrt(variance[t, i] + noise[t, i]):
+            if not error <= gate[i] * np.sqrt(variance[t, i] + noise[t, i]):
                 quiet = 0.0
         outcome[t] = LEARNED if quiet >= hold else HELD if quiet > 0.0 else DISTURBED
         if quiet < hold:
@@ -95,15 +122,15 @@ def follow(
             if noise[t, i] < np.inf:
                 error = abs(measured[t, i] - predicted[t, i])
                 ratio = error / np.sqrt(variance[t, i] + noise[t, i]) / CLIPPED
-                own = noise[t, i] * max(1.0, ratio) ** 2
+                own = inflation[t] * noise[t, i] * max(1.0, ratio) ** 2
                 target = measured[t, i] - torque[t, i]
                 _learn(mean, covariance, slopes[t, i], target, around, own, spread)
-        keep_within(mean, covariance, walk)
+        keep_within(mean, covariance, lower, upper)
     return quiet
 
 
 @jit
-def keep_within(mean: Array, covariance: Array, walk: Walk) -> None:
+def keep_within(mean: Array, covariance: Array, lower: Array, upper: Array) -> None:
     """
     Move numbers that are beyond a bound onto it, and the others with them.
 
@@ -114,7 +141,7 @@ def keep_within(mean: Array, covariance: Array, walk: Walk) -> None:
     for _ in range(PASSES):
         inside = True
         for k in range(len(mean)):
-            bound = min(max(mean[k], walk.lower[k]), walk.upper[k])
+            bound = min(max(mean[k], lower[k]), upper[k])
             if bound != mean[k]:
                 inside = False
                 step = (bound - mean[k]) / covariance[k, k]
@@ -124,20 +151,7 @@ def keep_within(mean: Array, covariance: Array, walk: Walk) -> None:
         if inside:
             return
     for k in range(len(mean)):
-        mean[k] = min(max(mean[k], walk.lower[k]), walk.upper[k])
-
-
-@jit
-def let_walk(mean: Array, covariance: Array, walk: Walk, step: float) -> None:
-    """Let the numbers walk for a time [s]."""
-    if step <= 0.0:
-        return
-    kept = np.exp(-walk.rate * step)
-    for k in range(len(mean)):
-        mean[k] = walk.centre[k] + kept[k] * (mean[k] - walk.centre[k])
-        for c in range(len(mean)):
-            covariance[k, c] *= kept[k] * kept[c]
-        covariance[k, k] += walk.variance[k] * (1.0 - kept[k] ** 2)
+        mean[k] = min(max(mean[k], lower[k]), upper[k])
 
 
 @jit

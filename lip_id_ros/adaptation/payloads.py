@@ -128,19 +128,21 @@ class PayloadWatch:
         self._informations = np.zeros((self._n, BODY, BODY))
         self._targets = np.zeros((self._n, BODY))
 
-    def add(self, seconds: float, slopes: Array, residual: Array, variance: Array) -> None:
+    def add(
+        self, seconds: float, slopes: Array, residual: Array, variance: Array, inflation: Array
+    ) -> None:
         """
         Take samples of motion.
 
         `slopes`, shape (N, n, 10): of torques by the numbers of the last link. `residual`, shape
         (N, n): measured torques minus those without the body. `variance`, same shape: of these,
-        infinite where a joint rests.
+        infinite where a joint rests. `inflation`, shape (N,): of it, since noise lasts.
 
         """
-        weights = 1.0 / variance
+        weights = 1.0 / (variance * inflation[:, None])
         rows = slopes * weights[..., None]
         self.seconds += seconds
-        self._counts += np.isfinite(variance).sum(axis=0)
+        self._counts += (1.0 / inflation) @ np.isfinite(variance)
         self._squares += np.sum(residual**2 * weights, axis=0)
         self._informations += np.einsum('tjk,tjl->jkl', rows, slopes)
         self._targets += np.einsum('tjk,tj->jk', rows, residual)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from statistics import median
 from typing import Any
 
 COPIES = 'copies'
@@ -30,3 +31,14 @@ def cutoffs_hz(provenance: Mapping[str, Any]) -> set[float | None]:
         else:
             cutoffs.add(None)
     return cutoffs or {None}
+
+
+def sample_interval_s(provenance: Mapping[str, Any]) -> float | None:
+    """Return the time between samples in the median of the sources [s], None where not known."""
+    intervals = []
+    for source in provenance.get('sources', ()):
+        known = source if isinstance(source, Mapping) else {}
+        rate, kept_every = known.get('rate_hz'), known.get('kept_every')
+        if isinstance(rate, int | float) and isinstance(kept_every, int) and rate > 0.0:
+            intervals.append(kept_every / rate)
+    return median(intervals) if intervals else None

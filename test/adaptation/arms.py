@@ -56,6 +56,16 @@ def known_model(memory: bool = False) -> InverseDynamicsModel:
     return replace(model, training_range=(-ranges, ranges), known_states=None)
 
 
+def correlated_model() -> InverseDynamicsModel:
+    """Return the known arm, with a posterior in which links and friction depend on each other."""
+    model = known_model()
+    assert model.arm is not None
+    root = model.arm.covariance_root
+    mixed = np.random.default_rng(8).normal(size=root.shape) / np.sqrt(len(root))
+    scale = np.diagonal(root)[:, None]
+    return replace(model, arm=replace(model.arm, covariance_root=root + scale * mixed))
+
+
 def with_friction(model: InverseDynamicsModel, factor: float) -> InverseDynamicsModel:
     """Return an arm with another viscous and dry friction."""
     assert model.arm is not None

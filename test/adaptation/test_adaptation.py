@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from adaptation.arms import known_model, RATE_HZ, Stream, stream, with_friction
+from adaptation.arms import (
+    correlated_model,
+    known_model,
+    NOISE,
+    RATE_HZ,
+    Stream,
+    stream,
+    with_friction,
+)
 from model.models import random_model
 import numpy as np
 import pytest
@@ -13,7 +21,7 @@ import pytest
 from lip_id_ros.adaptation.adaptation import Adaptation, CHUNK
 from lip_id_ros.adaptation.changes import change_lines, changes, friction_at_speed
 from lip_id_ros.adaptation.followed import WalkSettings
-from lip_id_ros.adaptation.kalman import STUCK
+from lip_id_ros.adaptation.kalman import DISTURBED, STUCK
 from lip_id_ros.adaptation.possible import can_exist
 from lip_id_ros.errors import DataError, ModelError, ShapeError
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
@@ -167,6 +175,75 @@ def test_what_was_learned_returns_to_the_fit_while_nothing_runs() -> None:
     before, _ = friction_at_speed(adaptation)
     now, _ = friction_at_speed(again)
     np.testing.assert_allclose((now - fitted) / (before - fitted), np.exp(-1.0), rtol=1e-3)
+
+
+def test_a_time_without_samples_leaves_open_what_the_fit_left_open() -> None:
+    """Beside what has changed meanwhile, and as the links have it, which do not change."""
+    model = correlated_model()
+    adaptation = Adaptation(model)
+    before = adaptation.covariance.copy()
+    adaptation.pause(1e6)
+    np.testing.assert_allclose(adaptation.covariance, before, rtol=1e-6, atol=1e-12)
+    adaptation.update(*stream(model, 40.0))
+    adaptation.pause(1e6)
+    friction = adaptation.covariance[-9:, -9:]
+    walk, links = adaptation.arm.walk, adaptation.covariance[:-9, :-9]
+    np.testing.assert_allclose(friction, walk.covariance + walk.slopes @ links @ walk.slopes.T)
+    assert np.linalg.eigvalsh(adaptation.covariance).min() > -1e-9
+
+
+def with_noise_that_lasts(
+    model: InverseDynamicsModel, inflation: float, interval: float
+) -> InverseDynamicsModel:
+    """Return a model of samples so far apart, whose noise lasts."""
+    sources = [{'rate_hz': 10.0 / interval, 'kept_every': 10}]
+    summary = {'covariance_inflation': inflation}
+    return replace(model, summary=summary, provenance={'sources': sources})
+
+
+def test_noise_that_lasts_says_as_much_in_a_second_at_any_rate() -> None:
+    model = known_model()
+    lasting = with_noise_that_lasts(model, 2.0, 1.0 / RATE_HZ)
+    data = stream(model, 40.0)
+    slow, often = Adaptation(lasting), Adaptation(lasting)
+    slow.update(*data)
+    parts = 8
+    t = data.t[0] + np.arange(len(data.t) * parts) / (RATE_HZ * parts)
+    often.update(t, *(np.repeat(each, parts, axis=0) for each in data[1:]))
+    np.testing.assert_allclose(
+        np.diagonal(often.covariance), np.diagonal(slow.covariance), rtol=0.1
+    )
+    np.testing.assert_allclose(often.numbers, slow.numbers, atol=2e-3)
+    rare, white = Adaptation(lasting), Adaptation(model)
+    few = [each[::4] for each in data]
+    rare.update(*few)  # farther apart than the noise lasts
+    white.update(*few)
+    np.testing.assert_allclose(rare.covariance, white.covariance)
+
+
+def test_a_push_is_a_disturbance_however_long_the_noise_lasts() -> None:
+    model = with_noise_that_lasts(known_model(), 50.0, 1.0 / RATE_HZ)
+    adaptation = Adaptation(model, WalkSettings(0.0, 0.0, 0.0))
+    adaptation.update(*stream(model, 40.0))
+    data = stream(model, 5.0, seed=1, start=40.0)
+    outcome = adaptation.update(*data._replace(tau=data.tau + 20.0 * NOISE)).outcome
+    assert (outcome == DISTURBED).all()
+
+
+def test_errors_of_a_joint_that_last_are_no_disturbance_of_it() -> None:
+    """A wave that no link and no friction explains grows to ten deviations of the noise."""
+    model = known_model()
+    adaptation = Adaptation(model, WalkSettings(0.0, 0.0, 0.0))
+    data = stream(model, 90.0)
+    wave = np.minimum(data.t / 6.0, 10.0) * NOISE * np.sin(9.0 * data.t)
+    for joint, disturbed in ((1, False), (0, True)):
+        grown = data.tau.copy()
+        grown[:, 1] += wave
+        grown[data.t > 80.0, joint] += 12.0 * NOISE * (joint == 0)
+        adaptation.reset()
+        adaptation.pause(0.0)
+        outcome = adaptation.update(*data._replace(tau=grown)).outcome
+        assert (outcome == DISTURBED).any() == disturbed
 
 
 def test_what_got_worse_than_the_fit_is_forgotten() -> None:

@@ -179,7 +179,7 @@ def test_what_adapt_follows_at_most_is_followed_where_a_low_pass_softened_fricti
     model = known_model().with_rise_time(0.05)
     arm = FollowedArm(model, WalkSettings())
     numbers = numbers_of(model)
-    numbers[arm.friction] = arm.walk.upper[-numbers[arm.friction].size :]
+    numbers[arm.friction] = arm.bounds[1][-numbers[arm.friction].size :]
     adapted = AdaptedModel(model, replace(RULES, limits=np.full(3, np.inf)))
     adapted.take(Update(model.fingerprint, 1, numbers, True, (0.5, 1.0)).to_text(), 0.0)
     assert adapted.values()['model'] == 'adapted'

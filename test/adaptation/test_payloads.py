@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from adaptation.arms import known_model, NOISE, Stream, stream
+from adaptation.arms import correlated_model, known_model, NOISE, Stream, stream
 import numpy as np
 import pytest
 
@@ -152,13 +152,29 @@ def test_a_body_is_found_by_least_squares_with_its_deviations() -> None:
     variance = np.full_like(residual, 0.01)
     variance[::2, 1] = np.inf
     residual[::2, 1] = 1e6
-    watch = PayloadWatch(3, 0.0)
-    watch.add(10.0, slopes[:100], residual[:100], variance[:100])
-    watch.add(10.0, slopes[100:], residual[100:], variance[100:])
+    watch, once = PayloadWatch(3, 0.0), np.ones(200)
+    watch.add(10.0, slopes[:100], residual[:100], variance[:100], once[:100])
+    watch.add(10.0, slopes[100:], residual[100:], variance[100:], once[100:])
     assert watch.is_payload
     assert (np.abs(watch.body - body) < 4.0 * np.sqrt(np.diagonal(watch.covariance))).all()
-    watch.add(10.0, slopes, residual + 3.0, variance)
+    watch.add(10.0, slopes, residual + 3.0, variance, once)
     assert not watch.is_payload
+
+
+def test_noise_that_lasts_counts_once() -> None:
+    """Samples that come three times, of an inflation of three, say what they say once."""
+    rng = np.random.default_rng(3)
+    body = np.array([1.0, 0.03, -0.02, 0.12, 0.02, 0.001, 0.0, 0.02, 0.0, 0.002])
+    slopes = rng.normal(size=(50, 3, BODY))
+    samples = slopes, slopes @ body + 0.2 * rng.normal(size=(50, 3)), np.full((50, 3), 0.01)
+    once, lasting = PayloadWatch(3, 0.0), PayloadWatch(3, 0.0)
+    once.add(3.0, *samples, np.ones(50))
+    slopes, residual, variance = (np.repeat(each, 3, axis=0) for each in samples)
+    lasting.add(3.0, slopes, residual, variance, np.full(150, 3.0))
+    np.testing.assert_allclose(lasting.body, once.body)
+    np.testing.assert_allclose(lasting.covariance, once.covariance)
+    np.testing.assert_allclose(lasting.left_of_joints, once.left_of_joints)
+    np.testing.assert_allclose(lasting.mean_square(body), once.mean_square(body))
 
 
 def test_the_deviation_of_a_centre_is_that_of_samples() -> None:
@@ -204,7 +220,7 @@ def test_what_places_of_joints_leave_open_is_no_contact() -> None:
     for share, unsure, is_payload in ((0.05, 0.0, False), (0.05, 1.0, True), (0.33, 1.0, False)):
         watch = PayloadWatch(3, unsure)
         rest = share * explained[:, [2, 0, 1]] * np.array([0.0, 1.0, 2.0])
-        watch.add(10.0, slopes, explained + rest, variance)
+        watch.add(10.0, slopes, explained + rest, variance, np.ones(200))
         assert watch.is_payload is is_payload
         left = watch.left_of_joints
         assert left[0] < left[1] < left[2]
@@ -253,3 +269,28 @@ def test_a_payload_that_is_not_known_yet_is_not_kept_over_a_restart() -> None:
     taken, put = again.payload_events
     assert taken.payload is not None
     assert put.payload is None
+
+
+def test_a_payload_says_nothing_of_friction_after_a_pause() -> None:
+    model = correlated_model()
+    adaptation = Adaptation(model)
+    adaptation.announce(2.0, CENTRE)
+    before = adaptation.numbers.copy()
+    adaptation.pause(1e4)
+    np.testing.assert_allclose(adaptation.numbers, before)
+
+
+def test_a_payload_that_was_found_says_nothing_of_friction_after_a_pause() -> None:
+    model = correlated_model()
+    adaptation = Adaptation(model)
+    bare, loaded = stream(model, 20.0), stream(with_payload(model, 1.0), 20.0, start=20.0)
+    adaptation.update(*bare)
+    adaptation.update(*loaded)
+    assert adaptation.payload is not None
+    friction, links = adaptation.arm.friction, adaptation.arm.last_body
+    adaptation.numbers[: friction.start] = adaptation.arm.start[: friction.start]
+    adaptation.numbers[links] += adaptation._found
+    adaptation.pause(1e6)
+    np.testing.assert_allclose(
+        adaptation.numbers[friction], adaptation.arm.start[friction], rtol=1e-9
+    )

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.dataset import concatenate, cutoffs_hz, Dataset
+from lip_id_ros.dataset.provenance import sample_interval_s
 from lip_id_ros.dataset.subsets import contiguous_cuts
 from lip_id_ros.errors import DataError, ShapeError
 
@@ -293,6 +294,13 @@ def source(cutoff_hz: object, **more: object) -> dict[str, Any]:
 )
 def test_cutoffs(sources: list[object], expected: set[float | None]) -> None:
     assert cutoffs_hz({'sources': sources}) == expected
+
+
+def test_the_interval_of_samples_is_that_of_most_sources() -> None:
+    sources = [{'rate_hz': 100.0, 'kept_every': every} for every in (4, 5, 9)]
+    assert sample_interval_s({'sources': ['arrays', {'rate_hz': None}, *sources]}) == 0.05
+    assert sample_interval_s({'sources': [{'rate_hz': 0.0, 'kept_every': 1}]}) is None
+    assert sample_interval_s({}) is None
 
 
 def test_no_provenance() -> None:
