@@ -155,7 +155,7 @@ class Adaptation:
         """Begin with the fit, and variances of what may have changed since, shape (p,)."""
         self.numbers = self.arm.start.copy()
         self.covariance = self.arm.covariance + np.diag(variance)
-        self._squares, self._disturbed, self._seconds = np.zeros(2), 1.0, 0.0
+        self._losses, self._disturbed, self._seconds = np.zeros(2), 1.0, 0.0
         # recent mean squares of innovations of each joint, in variances: of all, and in motion
         self._excess, self._excess_moving = np.ones((2, len(self.arm.arm.links)))
         self._drop()
@@ -272,8 +272,15 @@ class Adaptation:
 
     @property
     def errors(self) -> tuple[float, float]:
-        """Recent mean squares of torques from those expected and from the fit, in variances."""
-        return float(self._squares[0]), float(self._squares[1])
+        """
+        Recent squares of torques from those expected and from the fit, in variances.
+
+        With x for these, exp(mean(log(1 + x))) - 1: the mean of small ones, and not that of few
+        that are large, as in contact.
+
+        """
+        learned, fitted = np.expm1(self._losses).tolist()
+        return learned, fitted
 
     @property
     def trusted_numbers(self) -> Array:
@@ -283,8 +290,8 @@ class Adaptation:
     @property
     def is_trusted(self) -> bool:
         """Whether what was learned has been better than the fit, with few disturbances."""
-        better = self._squares[0] <= self._squares[1]
-        return bool(better and self._disturbed < MOST_DISTURBED)
+        learned, fitted = self.errors
+        return bool(learned <= fitted and self._disturbed < MOST_DISTURBED)
 
     @property
     def model(self) -> InverseDynamicsModel:
@@ -403,6 +410,8 @@ class Adaptation:
         if interval is None:
             return np.full(steps.shape, self._inflation_of_fit)
         share = np.divide(interval, steps, out=np.full(steps.shape, np.inf), where=steps > 0.0)
+        if np.isnan(self._t):
+            share[0] = 0.0  # nothing is known of the noise before the first sample
         return np.asarray(np.maximum(self._inflation_of_fit * share, 1.0))
 
     def _kind(self, outcome: Array, stuck: BoolArray, rests: BoolArray) -> IntArray:
@@ -471,12 +480,13 @@ class Adaptation:
             return
         kept = np.exp(-seconds / MEMORY_S)
         for k, tau in enumerate((followed.tau, followed.frozen)):
-            ratio = np.minimum(np.abs(measured - tau) / std, GATE)
-            self._squares[k] = kept * self._squares[k] + (1.0 - kept) * np.mean(ratio[moving] ** 2)
+            loss = np.mean(np.log1p(np.square((measured - tau) / std)[moving]))
+            self._losses[k] = kept * self._losses[k] + (1.0 - kept) * loss
         share = float(np.mean(disturbed[moving]))
         self._disturbed = kept * self._disturbed + (1.0 - kept) * share
         self._seconds += seconds
-        if self._seconds > PROBATION_S and self._squares[0] > WORSE * self._squares[1]:
+        learned, fitted = self.errors
+        if self._seconds > PROBATION_S and learned > WORSE * fitted:
             self.n_forgotten += 1
             # what may have changed is small, or a payload would be learned as friction
             self._begin(AFTER**2 * self.arm.change_variance)

@@ -218,7 +218,7 @@ def test_noise_that_lasts_says_as_much_in_a_second_at_any_rate() -> None:
     few = [each[::4] for each in data]
     rare.update(*few)  # farther apart than the noise lasts
     white.update(*few)
-    np.testing.assert_allclose(rare.covariance, white.covariance)
+    np.testing.assert_allclose(rare.covariance, white.covariance, rtol=1e-6, atol=1e-12)
 
 
 def test_a_push_is_a_disturbance_however_long_the_noise_lasts() -> None:
@@ -244,6 +244,22 @@ def test_errors_of_a_joint_that_last_are_no_disturbance_of_it() -> None:
         adaptation.pause(0.0)
         outcome = adaptation.update(*data._replace(tau=grown)).outcome
         assert (outcome == DISTURBED).any() == disturbed
+
+
+def test_few_large_errors_do_not_decide_what_is_trusted_and_small_ones_count_as_squares() -> None:
+    model = known_model()
+    adaptation = Adaptation(model, WalkSettings(0.0, 0.0, 0.0))
+    adaptation.update(*stream(model, 60.0))
+    learned, fitted = adaptation.errors
+    assert 0.5 < learned < 1.0  # of noise: squares of one in the mean, as exp(mean log(1 + x)) - 1
+    np.testing.assert_allclose(learned, fitted, rtol=0.1)
+    data = stream(with_friction(model, 0.8), 60.0, start=60.0)
+    adaptation = Adaptation(model)
+    adaptation.update(*data)
+    pushed = np.where((data.t % 6.0 < 0.5)[:, None], data.tau + 1e3, data.tau)
+    adaptation.update(*data._replace(t=data.t + 60.0, tau=pushed))
+    learned, fitted = adaptation.errors
+    assert learned < 0.5 * fitted
 
 
 def test_what_got_worse_than_the_fit_is_forgotten() -> None:
