@@ -27,6 +27,7 @@ from lip_id_ros.adaptation.payloads import (
     PayloadEvent,
     PayloadWatch,
 )
+from lip_id_ros.adaptation.trust import motion, RecentErrors
 from lip_id_ros.arrays import Array, BoolArray, IntArray
 from lip_id_ros.dataset.provenance import sample_interval_s
 from lip_id_ros.errors import DataError, ShapeError
@@ -53,15 +54,6 @@ change, in deviations of the noise.
 
 CHUNK = 100
 """Samples for which torques are taken as linear around the same numbers."""
-
-MEMORY_S, PROBATION_S = 10.0, 30.0
-"""Time of motion over which what was learned is judged, and before it may be forgotten [s]."""
-
-WORSE, MOST_DISTURBED = 1.1, 0.25
-"""
-Squared error in that of the fit at which what was learned is forgotten, and share of disturbances
-above which nothing is trusted.
-"""
 
 NOTHING = 1.0
 """
@@ -155,9 +147,7 @@ class Adaptation:
         """Begin with the fit, and variances of what may have changed since, shape (p,)."""
         self.numbers = self.arm.start.copy()
         self.covariance = self.arm.covariance + np.diag(variance)
-        self._losses, self._disturbed, self._seconds = np.zeros(2), 1.0, 0.0
-        # recent mean squares of innovations of each joint, in variances: of all, and in motion
-        self._excess, self._excess_moving = np.ones((2, len(self.arm.arm.links)))
+        self._recent = RecentErrors(len(self.arm.arm.links))
         self._drop()
 
     def _drop(self) -> None:
@@ -272,15 +262,8 @@ class Adaptation:
 
     @property
     def errors(self) -> tuple[float, float]:
-        """
-        Recent squares of torques from those expected and from the fit, in variances.
-
-        With x for these, exp(mean(log(1 + x))) - 1: the mean of small ones, and not that of few
-        that are large, as in contact.
-
-        """
-        learned, fitted = np.expm1(self._losses).tolist()
-        return learned, fitted
+        """Recent squared errors of what was learned and of the fit, in the noise's variance."""
+        return self._recent.squares
 
     @property
     def trusted_numbers(self) -> Array:
@@ -290,8 +273,7 @@ class Adaptation:
     @property
     def is_trusted(self) -> bool:
         """Whether what was learned has been better than the fit, with few disturbances."""
-        learned, fitted = self.errors
-        return bool(learned <= fitted and self._disturbed < MOST_DISTURBED)
+        return self._recent.is_trusted
 
     @property
     def model(self) -> InverseDynamicsModel:
@@ -345,7 +327,7 @@ class Adaptation:
     ) -> Followed:
         if not t.size:
             return Followed(q, q, q, np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.bool_))
-        history, steps, active = self._history(t, q, dq), self._steps(t), self.arm.active
+        history, steps = self._history(t, q, dq), self._steps(t)
         self._go_back(steps.sum())
         torque, slopes = self.arm.linearised(self.numbers, q, dq, ddq, history)
         frozen = self.arm.fitted_torque(q, dq, ddq, history)
@@ -353,51 +335,77 @@ class Adaptation:
         rests = (np.abs(dq) < NEAR_REST * self.arm.speed) | left_out
         stuck = self._stuck(t, measured) & ~rests
         rests |= stuck
-        inflation, mean = self._inflation(steps), self.numbers[active]
-        predicted, variance, outcome = np.empty_like(q), np.empty_like(q), np.empty(len(q))
+        inflation = self._inflation(steps)
+        shown = np.where(rests | self._settling, np.inf, noise)
+        predicted, variance, outcome = self._filtered(
+            steps, torque, slopes, measured, shown, inflation
+        )
+        self._t, self._q = float(t[-1]), q[-1].copy()
+        kind = self._kind(outcome, stuck, rests)
+        trusted = np.full(len(t), self.is_trusted)
+        total = (variance + noise) * np.maximum(self._recent.excess, 1.0)
+        followed = Followed(predicted, np.sqrt(total), frozen, kind, trusted)
+        std, learned = np.where(rests, np.inf, np.sqrt(noise)), kind == LEARNED
+        residual = measured - predicted
+        self._recent.judge(steps, residual, measured - frozen, std, outcome == DISTURBED)
+        if self._recent.is_worse:
+            self._forget()
+            return followed
+        samples = steps, residual, variance + noise, rests
+        self._recent.widen(*(x[learned] for x in samples))
+        slopes = slopes[..., self._last]
+        self._look_for_payload(steps, slopes, residual, std**2, inflation, outcome)
+        return followed
+
+    def _filtered(
+        self,
+        steps: Array,
+        torque: Array,
+        slopes: Array,
+        measured: Array,
+        noise: Array,
+        inflation: Array,
+    ) -> tuple[Array, Array, Array]:
+        """Learn from N samples; return torques expected before, their variances and outcomes."""
+        arm, n_samples = self.arm, len(torque)
+        mean = self.numbers[arm.active]
+        expected = np.empty_like(torque), np.empty_like(torque), np.empty(n_samples)
         self._quiet = follow(
             mean,
             self.covariance,
-            *self.arm.bounds,
+            *arm.bounds,
             steps,
-            self.arm.walk.covariance,
-            self.arm.walk.growth(steps),
+            arm.walk.covariance,
+            arm.walk.growth(steps),
             torque,
-            np.ascontiguousarray(slopes[..., active]),
+            np.ascontiguousarray(slopes[..., arm.active]),
             measured,
-            np.where(rests | self._settling, np.inf, noise),
+            noise,
             inflation,
             self._gate,
             HOLD_S,
             self._quiet,
-            predicted,
-            variance,
-            outcome,
+            *expected,
         )
-        self.numbers[active] = mean
-        self.numbers = self.arm.possible(self.numbers, self.covariance)
-        self._t, self._q = float(t[-1]), q[-1].copy()
-        kind = self._kind(outcome, stuck, rests)
-        trusted = np.full(len(t), self.is_trusted)
-        total = (variance + noise) * np.maximum(self._excess, 1.0)
-        followed = Followed(predicted, np.sqrt(total), frozen, kind, trusted)
-        std = np.where(rests, np.inf, np.sqrt(noise))
-        self._judge(steps, measured, followed, std, outcome == DISTURBED)
-        learned = kind == LEARNED
-        left = measured - predicted, variance + noise, rests
-        self._widen(*(x[learned] for x in (steps, *left)))
-        if self._seconds == 0.0:  # begun anew: what was expected is no longer
-            return followed
-        unexplained = measured - predicted, std**2, inflation
-        self._look_for_payload(steps, slopes[..., self._last], *unexplained, outcome)
-        return followed
+        self.numbers[arm.active] = mean
+        self.numbers = arm.possible(self.numbers, self.covariance)
+        return expected
+
+    def _forget(self) -> None:
+        """Begin anew with the fit."""
+        self.n_forgotten += 1
+        # what may have changed is small, or a payload would be learned as friction
+        self._begin(AFTER**2 * self.arm.change_variance)
+        if self.payload is not None:
+            self.payload = None
+            self._tell_payload()
 
     @property
     def _gate(self) -> Array:
         """Deviations beyond which a torque is not that of the arm, by recent errors, (n,)."""
         if self._settling:
-            return np.full_like(self._excess, np.inf)
-        return np.asarray(GATE * np.sqrt(np.maximum(self._excess, 1.0)))
+            return np.full_like(self._recent.excess, np.inf)
+        return np.asarray(GATE * np.sqrt(np.maximum(self._recent.excess, 1.0)))
 
     def _inflation(self, steps: Array) -> Array:
         """
@@ -445,11 +453,11 @@ class Adaptation:
         if not self._settling and (outcome == LEARNED).any():
             watch.clear()
             first = int(np.flatnonzero(outcome == LEARNED)[-1]) + 1
-        _, seconds = _motion(steps[first:], variance[first:])
+        _, seconds = motion(steps[first:], variance[first:])
         residual = residual + slopes @ body
         watch.add(seconds, *(x[first:] for x in (slopes, residual, variance, inflation)))
         if watch.is_long_enough and watch.is_payload:
-            self._settling |= bool(self._excess_moving.max() < MOST_EXCESS)
+            self._settling |= bool(self._recent.excess_moving.max() < MOST_EXCESS)
         if self._settling:
             self._settle(body)
         elif watch.is_long_enough and watch.seconds > LONGEST_S:
@@ -470,43 +478,6 @@ class Adaptation:
         if not self._settling:
             self._body = np.zeros(BODY)
             watch.clear()
-
-    def _judge(
-        self, steps: Array, measured: Array, followed: Followed, std: Array, disturbed: BoolArray
-    ) -> None:
-        """Compare what was learned with the fit, and forget it where that has been better."""
-        moving, seconds = _motion(steps, std)
-        if not moving.any():
-            return
-        kept = np.exp(-seconds / MEMORY_S)
-        for k, tau in enumerate((followed.tau, followed.frozen)):
-            loss = np.mean(np.log1p(np.square((measured - tau) / std)[moving]))
-            self._losses[k] = kept * self._losses[k] + (1.0 - kept) * loss
-        share = float(np.mean(disturbed[moving]))
-        self._disturbed = kept * self._disturbed + (1.0 - kept) * share
-        self._seconds += seconds
-        learned, fitted = self.errors
-        if self._seconds > PROBATION_S and learned > WORSE * fitted:
-            self.n_forgotten += 1
-            # what may have changed is small, or a payload would be learned as friction
-            self._begin(AFTER**2 * self.arm.change_variance)
-            if self.payload is not None:
-                self.payload = None
-                self._tell_payload()
-
-    def _widen(self, steps: Array, residual: Array, variance: Array, rests: BoolArray) -> None:
-        """
-        Learn how much larger errors of torques (N, n) are than the filter knows.
-
-        A joint that rests is held by any friction, which says nothing of what is known of the arm.
-
-        """
-        kept = np.exp(-np.minimum(steps, LONGEST_GAP_S) / MEMORY_S)
-        ratios = np.minimum(residual**2 / variance, GATE**2)
-        for share, ratio, rest in zip(kept, ratios, rests, strict=True):
-            self._excess = share * self._excess + (1.0 - share) * ratio
-            moving = share * self._excess_moving + (1.0 - share) * ratio
-            self._excess_moving = np.where(rest, self._excess_moving, moving)
 
     def _note_payload(self) -> None:
         """Note the whole payload; one that is put down leaves the arm as it was."""
@@ -555,12 +526,6 @@ class Adaptation:
         if (np.diff(times) < 0.0).any() or (times.size and times[0] < self._t):
             raise DataError('times that do not go back were expected, but they do; sort them.')
         return [times, *others]
-
-
-def _motion(steps: Array, noise: Array) -> tuple[BoolArray, float]:
-    """Mark the samples at which a joint moves, and return their time, of pauses the first part."""
-    moving = np.isfinite(noise).any(axis=1)
-    return moving, float(np.minimum(steps, LONGEST_GAP_S)[moving].sum())
 
 
 def _inflation_of(model: InverseDynamicsModel) -> float:
