@@ -16,6 +16,9 @@ Errors in those of the fit at which what was learned is forgotten, and share of 
 which nothing is trusted.
 """
 
+PRESUMED = 0.5
+"""Share of disturbances that is presumed at first: nothing is trusted for 7 s of motion."""
+
 MOST_SQUARE = 36.0
 """Largest squared error that widens deviations, in its variance."""
 
@@ -30,7 +33,7 @@ class RecentErrors:
     """
 
     def __init__(self, n_joints: int) -> None:
-        self._losses, self._disturbed, self._seconds = np.zeros(2), 1.0, 0.0
+        self._losses, self._disturbed, self._seconds = np.zeros(2), PRESUMED, 0.0
         self.excess, self.excess_moving = np.ones((2, n_joints))
 
     @property

@@ -246,6 +246,18 @@ def test_errors_of_a_joint_that_last_are_no_disturbance_of_it() -> None:
         assert (outcome == DISTURBED).any() == disturbed
 
 
+def test_what_was_learned_is_served_after_seconds_of_motion_that_prove_it() -> None:
+    model = known_model()
+    data = stream(with_friction(model, 0.8), 20.0)
+    followed = Adaptation(model).update(*data)
+    begins = float(data.t[followed.trusted][0])
+    assert 5.0 < begins < 11.0
+    assert followed.trusted[data.t > begins].all()
+    np.testing.assert_array_equal(
+        followed.served[~followed.trusted], followed.frozen[~followed.trusted]
+    )
+
+
 def test_few_large_errors_do_not_decide_what_is_trusted_and_small_ones_count_as_squares() -> None:
     model = known_model()
     adaptation = Adaptation(model, WalkSettings(0.0, 0.0, 0.0))
