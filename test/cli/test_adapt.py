@@ -69,7 +69,7 @@ def test_a_model_that_is_still_the_fit_is_said_to_be_so(
     day: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     data = Dataset.load(day / 'warm.npz')
-    data.select(data.t < 8.0).save(tmp_path / 'short.npz')
+    data.select(data.t < 4.0).save(tmp_path / 'short.npz')
     now = tmp_path / 'now.npz'
     assert main(['adapt', str(day / 'arm.npz'), str(tmp_path / 'short.npz'), '-o', str(now)]) == 0
     assert 'is not trusted at the end' in ' '.join(capsys.readouterr().out.split())
