@@ -69,6 +69,9 @@ AFTER = 0.1
 
 NO_INFLATION = 1.0
 
+NEARLY = 1e-6
+"""Share of a covariance that may be rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class Followed:
@@ -197,6 +200,8 @@ class Adaptation:
         found = state.get('payload', np.zeros(0))
         if found.shape not in ((0,), (NUMBERS,)) or not np.isfinite(seconds):
             raise ValueError('a payload or a time that is none')
+        if not _is_covariance(state['covariance']) or (state['inflations'] < 1.0).any():
+            raise ValueError('variances that are none')
         self.arm.carry(state['announced'])
         self._begin(self.arm.change_variance)
         self.numbers, self.covariance = state['numbers'].copy(), state['covariance'].copy()
@@ -242,7 +247,7 @@ class Adaptation:
 
     @property
     def _carried(self) -> Payload | None:
-        """The payload that was found, or else the one that was announced."""
+        """The whole payload as it was found, or else the one that was announced."""
         mass = self.announced_mass
         if self.payload is not None or not mass:
             return self.payload
@@ -480,14 +485,17 @@ class Adaptation:
             watch.clear()
 
     def _note_payload(self) -> None:
-        """Note the whole payload; one that is put down leaves the arm as it was."""
-        whole, size = self._found + self._body, self._watch.mean_square
+        """Note the whole payload, with what was announced; without one the arm is as it was."""
+        before, size = self._announced + self._found, self._watch.mean_square
+        whole = before + self._body
         is_nothing = size(whole) < NOTHING + self._watch.unsure * size(self._body)
-        if self.payload is not None and is_nothing:
-            self._body, self._found, self.payload = -self._found, np.zeros(BODY), None
+        if self._carried is not None and is_nothing:
+            self.arm.carry(np.zeros(BODY))
+            self._body, self._found, self.payload = -before, np.zeros(BODY), None
             self._inflations = np.ones_like(self._inflations)
         else:
-            self._found, self.payload = whole, payload_of(whole, self._watch.covariance)
+            self._found = self._found + self._body
+            self.payload = payload_of(whole, self._watch.covariance)
             left = self._watch.left_of_joints
             self._inflations = np.maximum(self._inflations * left, 1.0)
         self._tell_payload()
@@ -526,6 +534,14 @@ class Adaptation:
         if (np.diff(times) < 0.0).any() or (times.size and times[0] < self._t):
             raise DataError('times that do not go back were expected, but they do; sort them.')
         return [times, *others]
+
+
+def _is_covariance(matrix: Array) -> bool:
+    """Return whether a matrix (p, p) is one, but for rounding."""
+    if np.abs(matrix - matrix.T).max(initial=0.0) > NEARLY * np.abs(matrix).max(initial=0.0):
+        return False
+    values = np.linalg.eigvalsh(matrix)
+    return bool(values.min(initial=0.0) >= -NEARLY * values.max(initial=0.0))
 
 
 def _inflation_of(model: InverseDynamicsModel) -> float:

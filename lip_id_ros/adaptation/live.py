@@ -20,7 +20,7 @@ from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.settings import executor_setting, setting, Settings
 from lip_id_ros.settings.settings import AT_START
-from lip_id_ros.signals.filters import LowPass
+from lip_id_ros.signals.filters import LONGEST_GAP_S, LowPass
 from lip_id_ros.signals.joint_states import (
     continued,
     JointStateReader,
@@ -44,6 +44,8 @@ ONE_WAY = 0.98
 Low-passed sign of the velocity below which a joint has turned just now: its torque is a mixture of
 friction before and after, of which nothing is learned.
 """
+
+SPARSE = f'nothing is learned: joint states are over {LONGEST_GAP_S:g} s apart, or have just begun'
 
 NEARLY = 0.95
 """A sample this share of a period after the one before is taken: stamps jitter."""
@@ -101,10 +103,14 @@ class AdaptSettings(Settings):
         minimum=0.0,
     )
     payload_mass: float = setting(
-        0.0, 'Mass that announce_payload announces.', unit='kg', minimum=0.0
+        0.0, 'Mass that announce_payload announces.', unit='kg', minimum=0.0, maximum=1000.0
     )
     payload_centre: tuple[float, ...] = setting(
-        (0.0, 0.0, 0.0), 'Its centre of mass in the frame of the last link: x, y, z.', unit='m'
+        (0.0, 0.0, 0.0),
+        'Its centre of mass in the frame of the last link: x, y, z.',
+        unit='m',
+        minimum=-100.0,
+        maximum=100.0,
     )
     executor: str = executor_setting()
 
@@ -148,10 +154,12 @@ class LiveAdaptation:
         self._reader = JointStateReader(model.joint_names, model.effort_calibration)
         self._stamps, self._low_pass = StampWatch(), LowPass(settings.cutoff_hz)
         self._tally = Tally('too_soon', 'after_a_gap', 'out_of_range', 'learnable')
+        self._judged = self._tally.used.copy()
         self._outcomes = Counter(dict.fromkeys(OUTCOMES, 0))
         self._waiting: deque[tuple[bool, float, Array]] = deque()
         self._last_t, self._jumps = -np.inf, 0
         self._used_at: float | None = None
+        self._learned_at = now
         self._n_used = self._counter = 0
         self._saved_at, self._failure, self._note = now, '', ''
         self._found: list[Change] = []
@@ -221,7 +229,7 @@ class LiveAdaptation:
         used = self._tally.used.total()
         if used > self._n_used or self._used_at is None:
             self._n_used, self._used_at = used, now
-        self._learn()
+        self._learn(now)
         self._found = changes(self._adaptation)
         arm = self._adaptation.arm
         marks = arm.beyond(self._adaptation.numbers)
@@ -256,16 +264,21 @@ class LiveAdaptation:
         self.save(clock)
         return self._adaptation.payload_events[-1].sentence()
 
-    def _learn(self) -> None:
-        """Learn from the samples that wait, which begin anew where the clock jumped."""
+    def _learn(self, now: float) -> None:
+        """
+        Learn from the samples that wait, which begin anew where the clock jumped.
+
+        A jump may be a pause: it took as long as nothing came to be learned from.
+        """
         batch: list[tuple[float, Array]] = []
         while self._waiting:
             jumped, t, sample = self._waiting.popleft()
             if jumped:
                 self._follow(batch)
-                self._adaptation.pause(0.0)
+                self._adaptation.pause(now - self._learned_at)
                 batch = []
             batch.append((t, sample))
+            self._learned_at = now
         self._follow(batch)
 
     def _follow(self, batch: list[tuple[float, Array]]) -> None:
@@ -317,6 +330,7 @@ class LiveAdaptation:
         silence = 0.0 if self._used_at is None else now - self._used_at
         refused = self._tally.new_refusals()
         trouble = f'joint states refused: {in_words(refused)}' if refused else 'no joint states'
+        are_sparse = self._are_sparse()
         level, summary = Level.OK, 'following' if self._is_trusted else 'as commissioned'
         if self._beyond:
             level, summary = Level.ERROR, '; '.join(map(self._too_far, self._beyond))
@@ -329,7 +343,16 @@ class LiveAdaptation:
             level, summary = Level.WARN, sentences
         elif refused:
             level, summary = Level.WARN, trouble
+        elif are_sparse:
+            level, summary = Level.WARN, SPARSE
         return Status(level, summary, self.values())
+
+    def _are_sparse(self) -> bool:
+        """Whether all joint states since the last call came after a gap."""
+        used, before = self._tally.used.copy(), self._judged
+        self._judged = used
+        new = used - before
+        return new.total() > 1 and new.total() == new['after_a_gap']
 
     @property
     def _is_trusted(self) -> bool:

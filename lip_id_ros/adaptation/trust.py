@@ -19,6 +19,9 @@ which nothing is trusted.
 PRESUMED = 0.5
 """Share of disturbances that is presumed at first: nothing is trusted for 7 s of motion."""
 
+MOST_RATIO = 1e100
+"""Errors are no larger, in deviations: their squares are finite, and forgotten in time."""
+
 MOST_SQUARE = 36.0
 """Largest squared error that widens deviations, in its variance."""
 
@@ -75,7 +78,8 @@ class RecentErrors:
         if not moving.any():
             return
         kept = np.exp(-seconds / MEMORY_S)
-        losses = [np.mean(np.log1p(np.square((x / std)[moving]))) for x in (learned, fitted)]
+        ratios = (np.minimum(np.abs(x / std)[moving], MOST_RATIO) for x in (learned, fitted))
+        losses = [np.mean(np.log1p(np.square(x))) for x in ratios]
         self._losses = kept * self._losses + (1.0 - kept) * np.array(losses)
         share = float(np.mean(disturbed[moving]))
         self._disturbed = kept * self._disturbed + (1.0 - kept) * share

@@ -24,7 +24,7 @@ it, so that the errors are those of a model that follows the arm while it works.
 
 PAUSE_S = 600.0
 MEANING = (
-    'Learned from: samples in motion, undisturbed and within the ranges of the fit. Trusted: what '
+    'Learned from: samples in motion and undisturbed, in any range. Trusted: what '
     'was learned had been better for some 7 s of motion; until then the fit itself is followed. '
     'Within 2 std: of what the filter expected, trusted or not.'
 )

@@ -23,6 +23,7 @@ from lip_id_ros.adaptation.changes import change_lines, changes, friction_at_spe
 from lip_id_ros.adaptation.followed import WalkSettings
 from lip_id_ros.adaptation.kalman import DISTURBED, STUCK
 from lip_id_ros.adaptation.possible import can_exist
+from lip_id_ros.adaptation.trust import RecentErrors
 from lip_id_ros.errors import DataError, ModelError, ShapeError
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.model import InverseDynamicsModel
@@ -272,6 +273,19 @@ def test_few_large_errors_do_not_decide_what_is_trusted_and_small_ones_count_as_
     adaptation.update(*data._replace(t=data.t + 60.0, tau=pushed))
     learned, fitted = adaptation.errors
     assert learned < 0.5 * fitted
+
+
+def test_an_error_without_measure_is_forgotten_in_time() -> None:
+    recent = RecentErrors(1)
+    std, sound, steps = np.ones((200, 1)), np.full((200, 1), 2.0), np.full(200, 0.1)
+    none = np.zeros(200, dtype=np.bool_)
+    recent.judge(steps[:1], np.full((1, 1), 1e300), np.full((1, 1), 1e300), std[:1], none[:1])
+    for _ in range(10):
+        recent.judge(steps, sound, 0.5 * sound, std, none)
+    learned, fitted = recent.squares
+    assert learned == pytest.approx(4.0, rel=1e-3)
+    assert fitted == pytest.approx(1.0, rel=1e-3)
+    assert not recent.is_trusted
 
 
 def test_what_got_worse_than_the_fit_is_forgotten() -> None:

@@ -21,6 +21,7 @@ from lip_id_ros.errors import ConfigError
 from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.model import EffortCalibration, InverseDynamicsModel
 from lip_id_ros.recording.joint_messages import JointMessage
+from lip_id_ros.settings import parameters_of
 from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.status import Level
 
@@ -186,6 +187,9 @@ def test_a_state_that_cannot_be_used_is_kept_aside(path: str, kind: str) -> None
         *(('saved_at', x) for x in (np.nan, np.inf, -np.inf)),
         *(('counter', x) for x in (np.nan, np.inf)),
         *(('payload', np.ones(k)) for k in (1, 3)),
+        ('covariance', -np.eye(42)),
+        ('covariance', np.triu(np.ones((42, 42)))),
+        ('inflations', np.zeros(3)),
     ],
 )
 def test_a_state_with_a_part_that_is_none_is_kept_aside(path: str, key: str, value: Any) -> None:
@@ -237,6 +241,21 @@ def test_an_announced_payload_is_in_the_update_at_once_and_a_reset_takes_it_off(
     assert live(path).values()['announced_kg'] == 0.0
 
 
+def test_a_payload_of_any_size_that_can_be_set_is_announced(path: str) -> None:
+    rows = parameters_of(AdaptSettings)
+    mass, centre = rows['payload_mass'].maximum, rows['payload_centre'].minimum
+    assert mass is not None
+    assert centre is not None
+    for name, value in (('payload_mass', 2.0 * mass), ('payload_centre', [2.0 * centre] * 3)):
+        with pytest.raises(ConfigError, match=f'{name} must be'):
+            rows[name].check(value, name)
+    found = live(path, payload_mass=mass, payload_centre=(centre, 0.0, -centre))
+    found.announce(True, 1000.0)
+    step = feed(found, states(known_model(), 3.0))
+    assert step.update is not None
+    assert np.isfinite(step.update.numbers).all()
+
+
 def test_a_payload_is_announced_before_the_first_joint_state(path: str) -> None:
     found = live(path, payload_mass=0.5)
     assert found.announce(True, 1000.0).startswith('The payload is 0.5 ± 0 kg')
@@ -280,6 +299,34 @@ def test_a_clock_that_was_set_back_is_followed(path: str) -> None:
     assert found.values()['refused'] == {Refusal.BACKWARD_STAMP.value: 2}
     found.step(1.0, 1001.0)
     assert found.values()['learned'] > learned + 50
+
+
+def test_a_pause_of_the_joint_states_is_time_in_which_friction_may_change(path: str) -> None:
+    friction, open_ = [], []
+    for began_at in (1.0, 3600.0):
+        found = live(path)
+        feed(found, states(with_friction(known_model(), 0.5), 40.0))
+        for message in states(known_model(), 0.3, start=3640.0):
+            with suppress(RefusedError):  # of the first two stamps
+                found.take(message)
+        found.step(began_at, 1000.0)
+        adaptation = found._adaptation
+        friction.append(adaptation.numbers[adaptation.arm.friction])
+        open_.append(np.sqrt(np.diagonal(adaptation.covariance)[-9:]))
+    assert (open_[1] > 3.0 * open_[0]).all()
+    fit = known_model().arm.friction.coefficients  # type: ignore[union-attr]
+    assert np.linalg.norm(friction[1] - fit) < 0.9 * np.linalg.norm(friction[0] - fit)
+
+
+def test_joint_states_that_come_too_far_apart_are_in_the_status(path: str) -> None:
+    found = live(path)
+    few = list(states(known_model(), 20.0))[::20]
+    feed(found, iter(few[:25]))
+    assert 'over 0.2 s apart' in found.status(1.0).summary
+    feed(found, iter(few[25:]))
+    assert 'over 0.2 s apart' in found.status(1.0).summary
+    feed(found, states(known_model(), 3.0, start=20.0))
+    assert found.status(1.0).summary == 'as commissioned'
 
 
 def test_an_arm_at_rest_and_one_out_of_its_range_are_counted_as_such(path: str) -> None:

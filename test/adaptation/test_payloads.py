@@ -97,6 +97,27 @@ def test_a_payload_that_is_announced_while_it_is_found_counts_once() -> None:
     assert np.sqrt(np.mean(error**2)) < 2.0 * NOISE
 
 
+def test_an_announced_payload_is_told_whole_where_more_comes_and_gone_where_it_is_put_down() -> (
+    None
+):
+    model = known_model()
+    adaptation = Adaptation(model)
+    adaptation.announce(2.0, CENTRE)
+    for k, mass in enumerate((2.0, 3.0, 0.0)):
+        adaptation.update(*stream(with_payload(model, mass), 30.0, seed=k, start=30.0 * k))
+    announced, more, gone = adaptation.payload_events
+    assert announced.payload is not None
+    assert announced.payload.mass == 2.0
+    assert more.payload is not None
+    assert 2.5 < more.payload.mass < 3.5
+    assert gone.payload is None
+    assert adaptation.payload is None
+    assert adaptation.announced_mass == 0.0
+    later = stream(model, 10.0, seed=4, start=90.0)
+    error = adaptation.update(*later).served - later.tau
+    assert np.sqrt(np.mean(error**2)) < 1.5 * NOISE
+
+
 def test_an_arm_with_a_payload_is_a_model_that_has_it() -> None:
     model = known_model()
     adaptation = Adaptation(model)
