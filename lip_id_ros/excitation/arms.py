@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.excitation.expected_error import ExpectedError, States
 from lip_id_ros.excitation.joint_limits import JointLimits
 from lip_id_ros.excitation.series import FourierMotion
-from lip_id_ros.friction.compiled import friction_features
+from lip_id_ros.friction.compiled import friction_features, FrictionFeatures
 from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
@@ -131,6 +131,8 @@ class KnownArm:
         has_widths = len(self.root) > self._rigid + arm.friction.basis.size
         self._basis = whole if has_widths else arm.friction.basis
         self._loaded = bool(arm.friction.basis.is_loaded.any())
+        features = FrictionFeatures(arm.friction.basis)
+        self._slopes = partial(features.load_slopes, arm.friction.coefficients)
 
     def jacobian(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Differentiate the torques by the coordinates of the posterior, shape (N, n, p)."""
@@ -148,7 +150,7 @@ class KnownArm:
             placements = placement_derivatives(chain, links, q, dq, ddq)
             rigid = np.concatenate([placements.reshape(*q.shape, -1), regressor], axis=2)
             carried = np.einsum('tic,tjc->tij', of_rigid, rigid)
-            slopes = self._arm.friction.load_slopes(q, dq, ddq, load)
+            slopes = self._slopes(q, dq, ddq, load)
             of_rigid = of_rigid + np.einsum('tij,tic->tjc', slopes, of_rigid)
         *out, by_load = self._by_friction(of_friction, carried, [q, dq, ddq, load])
         of_links = of_rigid[..., self._placements :] + by_load[..., None] * links.ravel()
@@ -199,7 +201,7 @@ class KnownArm:
         features = friction_features(self._basis, q, dq, ddq, load)
         value = np.einsum('tik,tik->t', weights, features)
         if carried is not None:
-            slopes = self._arm.friction.load_slopes(q, dq, ddq, load)
+            slopes = self._slopes(q, dq, ddq, load)
             value = value + np.einsum('tij,tij->t', slopes, carried)
         return np.asarray(value)
 

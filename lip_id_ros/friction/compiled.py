@@ -168,7 +168,7 @@ def set_load_slopes(
     out: Array,
 ) -> None:
     """
-    Differentiate the friction torques of one state by the loads, as `FrictionModel.load_slopes`.
+    Differentiate the friction torques of one state by the loads, as `load_slopes` does for many.
 
     Features are those of `CompiledFriction.features_of`; `loaded` numbers those that depend on a
     load. `out` has shape (n, n).
@@ -231,7 +231,12 @@ class FrictionFeatures:
         load: Array,
         history: JointHistory = UNKNOWN,
     ) -> Array:
-        """Differentiate the torques by the loads, (N, n, n), as `FrictionModel.load_slopes`."""
+        """
+        Differentiate the torques by the loads: of joint i by load j, shape (N, n, n).
+
+        Every term is affine in a load of one sign, so that a unit of load shows the slope.
+
+        """
         slopes = np.zeros((*load.shape, self._basis.n_joints))
         loaded, own = self._loaded
         if loaded is None:

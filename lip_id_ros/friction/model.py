@@ -188,26 +188,6 @@ class FrictionModel:
             out[:, joint] = rows @ self.coefficients[column]
         return out
 
-    def load_slopes(
-        self, q: Array, dq: Array, ddq: Array, load: Array, history: JointHistory = UNKNOWN
-    ) -> Array:
-        """
-        Differentiate the friction torques by the loads.
-
-        Torque of joint i by load j, (N, n, n). Every term is affine in a load of one sign, so that
-        a unit of load shows the slope.
-        """
-        slopes, loaded = np.zeros((*load.shape, self.n_joints)), self._loaded
-        if not loaded.basis.terms:
-            return slopes
-        direction = np.where(load < 0.0, -1.0, 1.0)
-        without = loaded.torque(q, dq, ddq, np.zeros_like(load), history)
-        for j in range(self.n_joints):
-            unit = direction * (np.arange(self.n_joints) == j)
-            more = loaded.torque(q, dq, ddq, unit, history) - without
-            slopes[:, :, j] = direction[:, j, None] * more
-        return slopes
-
     @cached_property
     def remembering(self) -> FrictionModel | None:
         """The terms that depend on the history, None if there are none."""
@@ -217,12 +197,6 @@ class FrictionModel:
     def with_rise_time(self, rise_time: float) -> FrictionModel:
         """Return the same friction after another low-pass, 0 for none."""
         return FrictionModel(replace(self.basis, rise_time=rise_time), self.coefficients)
-
-    @cached_property
-    def _loaded(self) -> FrictionModel:
-        """The terms that depend on the load."""
-        is_loaded = self.basis.is_loaded
-        return self.with_terms([bool(is_loaded[place].any()) for place in self.basis.slices])
 
     def with_terms(self, kept: Sequence[bool]) -> FrictionModel:
         """Return some of the terms with their coefficients."""

@@ -16,6 +16,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.friction.compiled import FrictionFeatures
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.arm_problem import ArmProblem
 from lip_id_ros.identification.folds import recurrent_folds
@@ -308,7 +309,8 @@ def linearised(problem: ArmProblem, dataset: Dataset, fit: ArmFit) -> tuple[Arra
     if fit.friction.basis.is_loaded.any():
         load = links_torque(fit.chain, fit.links, dataset)
         loads = jacobian[..., : problem.size - fit.friction.basis.size]
-        history = dataset.history
-        slopes = fit.friction.load_slopes(dataset.q, dataset.dq, dataset.ddq, load, history)
+        states, friction = (dataset.q, dataset.dq, dataset.ddq), fit.friction
+        features = FrictionFeatures(friction.basis)
+        slopes = features.load_slopes(friction.coefficients, *states, load, dataset.history)
         loads += slopes @ loads
     return jacobian, dataset.tau - problem.torque(fit.state)

@@ -20,6 +20,7 @@ from lip_id_ros.description.robot import moved
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.payload import attached, mass_cautions, payload_in_flange
+from lip_id_ros.friction.compiled import FrictionFeatures
 from lip_id_ros.friction.dahl_friction import DahlFriction
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.identification.payload import LoadedArm
@@ -68,7 +69,9 @@ def test_the_model_has_the_payload() -> None:
     assert after.arm is not None
     links = torque_regressor(after.arm.chain, q, dq, ddq) @ after.arm.links.ravel()
     rows = columns @ loaded.body_root
-    rows += after.arm.friction.load_slopes(q, dq, ddq, links) @ rows
+    friction = after.arm.friction
+    slopes = FrictionFeatures(friction.basis).load_slopes(friction.coefficients, q, dq, ddq, links)
+    rows += slopes @ rows
     past = np.ones((*q.shape, len(DISPLACEMENTS)))  # of single states it is not known
     none = np.zeros(dq.shape[1], dtype=bool)
     unknown = DahlFriction.of(after.arm.friction, none).unknown_std(dq, ddq, past)
