@@ -301,6 +301,24 @@ def test_what_got_worse_than_the_fit_is_forgotten() -> None:
     assert error_of(adaptation.model, later) < 1.1 * error_of(model, later)
 
 
+def test_what_is_worse_than_the_fit_is_not_trusted_nor_anything_among_disturbances() -> None:
+    model = known_model()
+    adaptation = Adaptation(model)
+    adaptation.update(*stream(with_friction(model, 0.8), 60.0))
+    assert adaptation.is_trusted
+    learned = adaptation.state()
+    pushed = stream(with_friction(model, 0.8), 20.0, start=60.0)
+    adaptation.update(*pushed._replace(tau=pushed.tau + 1e3))
+    assert not adaptation.is_trusted
+    assert adaptation.model is adaptation.arm.fitted
+    adaptation.resume(learned, 0.0)
+    adaptation.update(*stream(model, 5.0, seed=1))  # its friction is that of the fit
+    assert not adaptation.is_trusted
+    assert adaptation.n_forgotten == 0
+    followed = adaptation.update(*stream(model, 0.5, seed=2, start=5.0))
+    np.testing.assert_array_equal(followed.served, followed.frozen)
+
+
 def test_a_torque_that_stands_still_is_left_out_while_its_joint_moves() -> None:
     model = known_model()
     adaptation = Adaptation(model)
