@@ -73,9 +73,9 @@ def test_gip_learns_friction_and_se_something() -> None:
     data, unseen = runs(2, 120, FRICTION, noise=0.05)
     errors = {}
     for name, settings in (
-        ('gip', FitSettings()),
-        ('gip without friction', FitSettings(friction=False)),
-        ('se', FitSettings()),
+        ('gip', FitSettings(iterations=15)),
+        ('gip without friction', FitSettings(friction=False, iterations=15)),
+        ('se', FitSettings(iterations=15)),
     ):
         method_ = method(name.split()[0])
         assert isinstance(method_, SingleOutput)

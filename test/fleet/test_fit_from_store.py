@@ -24,16 +24,27 @@ from lip_id_ros.settings import Config
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group('fleet')]
 
-GROUP = r'robot_(\d)'
+GROUP, ROBOTS = r'robot_(\d)', 4
 
 
 @pytest.fixture(scope='module')
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place, rng, arm = tmp_path_factory.mktemp('recordings'), np.random.default_rng(0), arm_of()
-    for robot in range(6):
+    for robot in range(ROBOTS):
         data = recording(arm, friction_of(arm, rng, 0.3), seed=robot)
         save(data, place / f'robot_{robot}.npz', str(robot))
     return place
+
+
+@pytest.fixture(scope='module')
+def plain(folder: Path) -> tuple[FleetResult, dict[str, bytes]]:
+    """Fit from the disk in one process; return its result, and what it kept of its placements."""
+    cache = dict[str, bytes]()
+    with LocalEngine(1) as engine:
+        result = fit_fleet(find([str(folder)], GROUP), Config(), engine, cache)
+    placements = {key: each for key, each in cache.items() if key.endswith('.placements')}
+    assert len(placements) == 1
+    return result, placements
 
 
 def parameters(result: FleetResult) -> Array:
@@ -44,19 +55,19 @@ def parameters(result: FleetResult) -> Array:
 
 
 def test_a_fit_from_a_store_on_ray_is_that_from_the_disk(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path,
+    plain: tuple[FleetResult, dict[str, bytes]],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pytest.importorskip('ray', reason='Ray is not installed')
     monkeypatch.setenv('PYTHONPATH', os.pathsep.join(filter(None, sys.path)))
-    # only placements have the same key from both: contents are the same
-    cache = dict[str, bytes]()
-    with LocalEngine(1) as plain:
-        disk = fit_fleet(find([str(folder)], GROUP), Config(), plain, cache)
+    disk, placements = plain
     with object_store() as url:
         upload(folder, url)
         with RayEngine(jobs=2) as engine:
-            stored = fit_fleet(find([f'{url}/'], GROUP), Config(), engine, cache)
-    assert [each.status for each in stored.recordings] == [FITTED] * 6
+            # placements have the same key from both, since contents are the same
+            stored = fit_fleet(find([f'{url}/'], GROUP), Config(), engine, dict(placements))
+    assert [each.status for each in stored.recordings] == [FITTED] * ROBOTS
     assert all(each.name.startswith('s3://') for each in stored.recordings)
     assert_array_equal(parameters(stored), parameters(disk))
 
@@ -76,15 +87,12 @@ class Killing(LocalEngine):
         return super().map(function, items, report, keep)
 
 
-def test_a_process_that_is_killed_changes_nothing(folder: Path) -> None:
-    cache = dict[str, bytes]()
-    sources = find([str(folder)], GROUP)
-    with LocalEngine(1) as plain:
-        whole = fit_fleet(sources, Config(), plain, cache)
-    rest = {key: each for key, each in cache.items() if key.endswith('.placements')}
-    assert len(rest) == 1
+def test_a_process_that_is_killed_changes_nothing(
+    folder: Path, plain: tuple[FleetResult, dict[str, bytes]]
+) -> None:
+    whole, placements = plain
     engine = Killing(2)
     with engine:
-        again = fit_fleet(sources, Config(), engine, rest)
+        again = fit_fleet(find([str(folder)], GROUP), Config(), engine, dict(placements))
     assert engine.killed >= 2
     assert_array_equal(parameters(again), parameters(whole))

@@ -126,8 +126,9 @@ def found(samples: Samples, seed: int = 0) -> Calibration:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('joint_types', [(R, R, R), (R, P, R), (P, R, R), (R, R, P)])
-@pytest.mark.parametrize('seed', [0, 1])
+@pytest.mark.parametrize(
+    ('joint_types', 'seed'), [((R, R, R), 0), ((R, P, R), 1), ((P, R, R), 0), ((R, R, P), 1)]
+)
 def test_the_residuals_at_the_lowest_place_are_the_noise(
     joint_types: tuple[str, ...], seed: int
 ) -> None:
@@ -148,7 +149,7 @@ def test_residuals_vanish_without_noise() -> None:
 def test_placements_are_those_of_any_start(joint_types: tuple[str, ...]) -> None:
     """Frames are free to turn about their axes, and arms to be mirrored: one of all is chosen."""
     _, samples = samples_of(joint_types, noise=1e-4)
-    calibrations = [in_near_frames(samples, found(samples, seed)) for seed in range(4)]
+    calibrations = [in_near_frames(samples, found(samples, seed)) for seed in range(3)]
     first, *others = (each.placements.chain for each in calibrations)
     for other in others:
         np.testing.assert_allclose(other.rotations, first.rotations, atol=0.01)
@@ -157,7 +158,7 @@ def test_placements_are_those_of_any_start(joint_types: tuple[str, ...]) -> None
 
 @pytest.mark.slow
 def test_a_seed_decides_everything() -> None:
-    _, samples = samples_of((R, P, R))
+    _, samples = samples_of((R, P))
     first, second, other = (found(samples, seed).placements.chain for seed in (0, 0, 1))
     np.testing.assert_array_equal(first.rotations, second.rotations)
     np.testing.assert_array_equal(first.translations, second.translations)

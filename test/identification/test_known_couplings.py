@@ -79,6 +79,8 @@ def test_unseen_torques_and_their_deviations(coupling: Coupling) -> None:
     assert found.std is not None
     covered = np.abs(found.tau - tau) < 3.0 * found.std.tau
     assert covered.mean() > 0.95
+    in_series = replace(model.arm, chain=model.arm.chain._replace(couplings=rows_of(())))
+    assert np.abs(in_series.torque(*motion) - tau).max() > 0.1 * np.abs(tau).max()
     inertia = model.inertia_matrix(motion[0])
     np.testing.assert_allclose(inertia, arm.inertia(motion[0]), atol=0.02 * np.abs(inertia).max())
 

@@ -134,9 +134,9 @@ def plain_arm() -> ArmDescription:
 
 @pytest.fixture(scope='module')
 def learned_arms() -> Learned:
-    """Return twenty arms, each learned from a recording of its own, and its ranges."""
+    """Return eight arms, each learned from a recording of its own, and its ranges."""
     arm, out = plain_arm(), []
-    for seed in range(20):
+    for seed in range(8):
         bare = recorded(arm, np.zeros(10), 100 + seed, NOISE).select(np.arange(0, 1000, 3))
         out.append((learned(bare, arm.chain), ranges_of(bare)))
     return out

@@ -115,8 +115,8 @@ def at_rest(q: Array) -> State:
 @pytest.mark.parametrize('friction', [False, True])
 @pytest.mark.parametrize('member', MEMBERS)
 def test_against_the_textbook(member: str, friction: bool) -> None:
-    model = random_model(member, friction=friction)
-    x = queries(5)
+    model = random_model(member, n_samples=3, friction=friction)
+    x = queries(2)
     got, expected = model.standard_deviation(*x), textbook(model, x)
     assert got.potential is not None
     assert expected.potential is not None
