@@ -19,6 +19,7 @@ from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.text import COLUMNS, header_lines
 from lip_id_ros.friction.drives import Drive
 from lip_id_ros.friction.primitives import (
+    ACCELERATION,
     ANYWHERE,
     Column,
     COSINE,
@@ -160,9 +161,9 @@ def _drive(
     names = _safe([' with '.join(arm.joint_names[i] for i in drive.joints)])[0]
     rise_time = arm.friction.basis.rise_time
     lines = [f'  {{ /* {names} */']
-    if any(p.shape not in (ONE, LOAD) or p.side for p in used):
+    if any(p.shape not in (ONE, LOAD, ACCELERATION) or p.side for p in used):
         lines.append(f'    const double v = {_combination("dq", drive)};')
-    if any(p.shape == REVERSAL for p in used) or (signs and rise_time):
+    if any(p.shape in (REVERSAL, ACCELERATION) for p in used) or (signs and rise_time):
         lines.append(f'    const double a = {_combination("ddq", drive)};')
     if any(p.position != ANYWHERE for p in used):
         lines.append(f'    const double p = {_combination("q", drive)};')
@@ -203,7 +204,7 @@ def _column(column: Column, signs: Mapping[float, str]) -> str:
 
 
 def _primitive(primitive: Primitive, signs: Mapping[float, str]) -> str:
-    shapes = {ONE: '1.0', VELOCITY: 'v', SQUARE: 'v * fabs(v)', LOAD: 'l'}
+    shapes = {ONE: '1.0', VELOCITY: 'v', SQUARE: 'v * fabs(v)', LOAD: 'l', ACCELERATION: 'a'}
     if primitive.shape == STEP:
         text = f'tanh((v - {_number(primitive.centre)}) / {_number(primitive.width)})'
     else:

@@ -24,6 +24,7 @@ BOTH = ('viscous', VISCOUS), ('Coulomb', TORQUE)
 
 COEFFICIENTS: Mapping[type, tuple[tuple[str, str], ...]] = {
     terms.Viscous: (('', VISCOUS),),
+    terms.Lag: (('', 'N m s²/rad'),),
     terms.Coulomb: (('', TORQUE),),
     terms.Offset: (('', TORQUE),),
     terms.QuadraticViscous: (('', 'N m s²/rad²'),),

@@ -17,6 +17,7 @@ from lip_id_ros.friction.dahl import Dahl
 from lip_id_ros.friction.drives import Drive
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.primitives import (
+    ACCELERATION,
     ANYWHERE,
     LEVER,
     LOAD,
@@ -330,6 +331,8 @@ def drive_friction(
             value = _tanh((dq - friction.centre[p]) / friction.width[p])
         elif shape == LOAD:
             value = load
+        elif shape == ACCELERATION:
+            value = ddq
         else:
             value = dq * abs(dq)
         if friction.side[p] * value < 0.0:

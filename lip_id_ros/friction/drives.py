@@ -197,6 +197,7 @@ _TERMS: dict[str, type[FrictionTerm]] = {
     each.__name__: each
     for each in (
         terms.Viscous,
+        terms.Lag,
         terms.Coulomb,
         terms.Offset,
         terms.Stribeck,

@@ -1,8 +1,8 @@
 """
 Terms of joint friction, linear in their coefficients (maths.md, section 12).
 
-All but offsets and pre-sliding are dissipative: with features f(v) v >= 0 and coefficients that
-are not negative they never drive a joint. `width` is that of `smooth_sign` [rad/s or m/s].
+All but offsets, lag and pre-sliding are dissipative: with features f(v) v >= 0 and coefficients
+that are not negative they never drive a joint. `width` is that of `smooth_sign` [rad/s or m/s].
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.friction.primitives import (
+    ACCELERATION,
     Column,
     COSINE,
     ONE,
@@ -97,6 +98,26 @@ class Viscous:
     def columns(self) -> tuple[Column, ...]:
         """Return the same features as sums of primitives."""
         return (((1.0, Primitive(VELOCITY)),),)
+
+
+@dataclass(frozen=True)
+class Lag:
+    """
+    Viscous friction that answers late, to first order.
+
+    F v(t - T) is F v - F T a, which no inertia stands for, as it has the other sign.
+    """
+
+    name: ClassVar[str] = 'lag'
+    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,)
+
+    def features(self, state: DriveState) -> Array:
+        """Return the features, shape (N, 1)."""
+        return -state.ddq[:, None]
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the same features as sums of primitives."""
+        return (((-1.0, Primitive(ACCELERATION)),),)
 
 
 @dataclass(frozen=True)

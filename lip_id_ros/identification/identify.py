@@ -24,6 +24,7 @@ from lip_id_ros.identification.disturbances import (
 from lip_id_ros.identification.friction_candidates import named_candidates
 from lip_id_ros.identification.friction_selection import EVERY_TERM, Offer
 from lip_id_ros.identification.geometry_selection import select_geometry
+from lip_id_ros.identification.lag_selection import with_lags
 from lip_id_ros.identification.lever_steps import with_lever_steps
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.placement_search import Calibration, in_near_frames
@@ -254,6 +255,7 @@ def _fitted(
     # Loads and placements are better known by now.
     fit = fitter.with_friction(fit, fitter.selected(fit.chain, offer))
     fit = with_lever_steps(fitter, fitter.refined(fitter.some(MOST_SAMPLES), fit))
+    fit = with_lags(fitter, fit)
     progress(STAGE, 3, STEPS)
     if fitter.is_described:
         return fitter.converged(fitter.some(MOST_SAMPLES), fit)

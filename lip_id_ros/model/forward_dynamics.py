@@ -11,7 +11,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
 from lip_id_ros.friction.compiled import add_friction, CompiledFriction
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.friction.terms import Presliding
+from lip_id_ros.friction.terms import Lag, Presliding
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.numba_jit import jit
 from lip_id_ros.rigid_body import Chain
@@ -36,7 +36,7 @@ class ForwardDynamics:
 
     @cached_property
     def _compiled(self) -> tuple[Links, CompiledFriction]:
-        kept = [not isinstance(each.term, Presliding) for each in self.friction.basis.terms]
+        kept = [not isinstance(x.term, Presliding | Lag) for x in self.friction.basis.terms]
         return Links(self.chain, self.links), CompiledFriction.of(self.friction.with_terms(kept))
 
     def acceleration(self, q: Array, dq: Array, tau: Array, before: Array, step: float) -> Array:
@@ -44,8 +44,8 @@ class ForwardDynamics:
         Return accelerations (W, n) at states and torques (W, n); DataError if an M(q) is singular.
 
         Friction is taken implicitly over a step [s], since its sign turns within less, and without
-        pre-sliding: several accelerations can solve the equations with it. `before`, shape (W, n):
-        accelerations of the step before, which load and smooth friction.
+        pre-sliding or lag: several accelerations can solve the equations with them. `before`,
+        shape (W, n): accelerations of the step before, which load and smooth friction.
         """
         bias, inertia = equations_of_motion(*self._compiled, q, dq, before, step)
         try:

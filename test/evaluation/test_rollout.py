@@ -29,7 +29,7 @@ from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.urdf import rotor_inertias, to_urdf
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionModel, plain_friction
-from lip_id_ros.friction.terms import Presliding
+from lip_id_ros.friction.terms import Lag, Presliding
 from lip_id_ros.model.forward_dynamics import ForwardDynamics
 from lip_id_ros.rigid_body.couplings import Coupling, coupling_matrix, rows_of
 from lip_id_ros.simulation import panda as simulated_panda
@@ -92,13 +92,14 @@ def test_the_true_arm_follows(coulomb: float) -> None:
 
 
 def test_the_arm_whose_torques_went_through_a_low_pass_follows() -> None:
-    """Friction whose sign is sharp but for that, and hysteresis, which is left out."""
+    """Friction whose sign is sharp but for that, and what depends on accelerations, left out."""
     arm = arm_with(0.5, 1e-3)
     basis = replace(arm.friction.basis, rise_time=0.05)
     reversal = DriveTerm(Drive.of_joint(0), Presliding(0.05, 1.0))
-    hysteresis = replace(basis, terms=(*basis.terms, reversal))
+    late = DriveTerm(Drive.of_joint(1), Lag())
+    hysteresis = replace(basis, terms=(*basis.terms, reversal, late))
     smooth = replace(arm, friction=FrictionModel(basis, arm.friction.coefficients))
-    coefficients = np.append(arm.friction.coefficients, 0.3)
+    coefficients = np.append(arm.friction.coefficients, [0.3, 0.3])
     whole = replace(arm, friction=FrictionModel(hysteresis, coefficients))
     data = recorded(smooth)
     short, long = roll_out(forward(smooth), data)

@@ -95,7 +95,7 @@ def test_what_a_format_cannot_express_is_named(name: str) -> None:
     left_out = {part.term.name for part in agreement(name, arm_of('panda'), 10).left_out}
     common = {'offset', 'Stribeck', 'asymmetric', 'Coulomb', 'periodic twice a turn'}
     common |= {'load-dependent Coulomb', 'load-dependent viscous', 'position-dependent Coulomb'}
-    common |= {'saturating viscous', 'torque', 'friction', 'pre-sliding'}
+    common |= {'saturating viscous', 'torque', 'friction', 'pre-sliding', 'lag'}
     common |= {'curve over position', 'curve over velocity', 'Dahl hysteresis', 'lever spring'}
     expected = {
         'urdf': common | {'quadratic viscous', 'joint spring'},
