@@ -230,28 +230,6 @@ def test_the_lowest_versions_are_those_of_setup() -> None:
     assert all(f'{lowest[name]}.'.startswith(f'{bounds[name]}.') for name in bounds)
 
 
-@pytest.mark.slow
-def test_the_lowest_versions_fit_and_predict(wheel: Path, bag: Path, tmp_path: Path) -> None:
-    if not LOWEST.is_dir():
-        pytest.skip('make setup found no Python 3.11 for the lowest versions')
-    here = {'PYTHONPATH': str(wheel), 'LD_LIBRARY_PATH': '', 'NUMBA_CACHE_DIR': str(tmp_path)}
-    fit_and_predict(bag, tmp_path, LOWEST / 'bin/python', here)
-
-
-def fit_and_predict(
-    bag: Path, folder: Path, python: str | Path, environment: dict[str, str]
-) -> str:
-    lip_id = (python, '-P', '-m', PACKAGE)
-    fitted = run(*lip_id, 'fit', bag, '-o', folder / 'arm.npz', **environment)
-    assert fitted.returncode == 0, fitted.stderr
-    torques = folder / 'torques.npz'
-    predicted = run(*lip_id, 'predict', folder / 'arm.npz', bag, '-o', torques, **environment)
-    assert predicted.returncode == 0, predicted.stderr
-    with np.load(torques) as content:
-        assert np.isfinite(content['tau']).all()
-    return fitted.stderr
-
-
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp('bag') / 'run'
@@ -267,7 +245,7 @@ def unwritable(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
     for folder in (copy, *(path for path in copy.rglob('*') if path.is_dir())):
         (folder / '__pycache__').write_text('')
     return {
-        'PYTHONPATH': os.pathsep.join([str(copy.parent), os.environ.get('PYTHONPATH', '')]),
+        'PYTHONPATH': str(copy.parent),
         'PYTHONDONTWRITEBYTECODE': '1',
         'HOME': '/proc/none',
         'XDG_CACHE_HOME': '/proc/none',
@@ -275,14 +253,52 @@ def unwritable(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
     }
 
 
+@pytest.fixture(scope='module')
+def fitted(
+    unwritable: dict[str, str], bag: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, str]:
+    """Fit with the lowest versions where nothing can be kept; return model and warnings."""
+    path = tmp_path_factory.mktemp('fitted') / 'arm.npz'
+    done = run(*lip_id(), 'fit', bag, '-o', path, **environment(unwritable))
+    assert done.returncode == 0, done.stderr
+    return path, done.stderr
+
+
+def lip_id() -> tuple[str | Path, ...]:
+    """Return the program with the lowest versions, or those of the tests without Python 3.11."""
+    python = LOWEST / 'bin/python' if LOWEST.is_dir() else sys.executable
+    return python, '-P', '-m', PACKAGE
+
+
+def environment(unwritable: dict[str, str]) -> dict[str, str]:
+    """Return that of `lip_id`: the lowest versions have an environment of their own."""
+    return unwritable | {'LD_LIBRARY_PATH': ''} if LOWEST.is_dir() else with_packages(unwritable)
+
+
+def with_packages(unwritable: dict[str, str]) -> dict[str, str]:
+    path = os.pathsep.join([unwritable['PYTHONPATH'], os.environ.get('PYTHONPATH', '')])
+    return unwritable | {'PYTHONPATH': path}
+
+
 @pytest.mark.slow
-def test_a_package_that_cannot_be_written_fits_predicts_and_serves(
-    unwritable: dict[str, str], bag: Path, tmp_path: Path
+def test_the_lowest_versions_fit_and_predict_where_nothing_can_be_written(
+    fitted: tuple[Path, str], unwritable: dict[str, str], bag: Path, tmp_path: Path
 ) -> None:
-    warned = fit_and_predict(bag, tmp_path, sys.executable, unwritable)
+    model, warned = fitted
     assert warned.count('set NUMBA_CACHE_DIR') == 1
+    torques = tmp_path / 'torques.npz'
+    done = run(*lip_id(), 'predict', model, bag, '-o', torques, **environment(unwritable))
+    assert done.returncode == 0, done.stderr
+    with np.load(torques) as content:
+        assert np.isfinite(content['tau']).all()
+
+
+@pytest.mark.slow
+def test_a_package_that_cannot_be_written_serves(
+    fitted: tuple[Path, str], unwritable: dict[str, str], tmp_path: Path
+) -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2')
-    given = (f'model_path:={tmp_path / "arm.npz"}', 'torque_limits:=none')
+    given = (f'model_path:={fitted[0]}', 'torque_limits:=none')
     node = (sys.executable, '-P', '-m', f'{PACKAGE}.nodes.serve', '--ros-args')
     with free_domain() as domain:
         process = subprocess.Popen(
@@ -290,7 +306,7 @@ def test_a_package_that_cannot_be_written_fits_predicts_and_serves(
             stderr=subprocess.PIPE,
             text=True,
             env=os.environ
-            | unwritable
+            | with_packages(unwritable)
             | {'ROS_LOG_DIR': str(tmp_path), 'ROS_DOMAIN_ID': str(domain)},
         )
         assert process.stderr
