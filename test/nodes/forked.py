@@ -71,8 +71,8 @@ class ForkServer:
     def _begin(self) -> None:
         theirs, requests = os.pipe()
         answers, own = os.pipe()
-        root = Path(__file__).resolve().parents[2]
-        paths = os.pathsep.join([str(root), os.environ.get('PYTHONPATH', '')])
+        tests = Path(__file__).resolve().parents[1]
+        paths = os.pathsep.join([str(tests.parent), os.environ.get('PYTHONPATH', ''), str(tests)])
         self._process = subprocess.Popen(
             [sys.executable, __file__, str(theirs), str(own)],
             pass_fds=(theirs, own),

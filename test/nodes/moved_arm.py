@@ -44,7 +44,7 @@ class MovedArm(Node):
             FollowJointTrajectory,
             ACTION,
             execute_callback=self._execute,
-            cancel_callback=lambda _: CancelResponse.ACCEPT,
+            cancel_callback=self._cancel,
             callback_group=own,
         )
         self.create_timer(1.0 / RATE_HZ, self._tick, callback_group=own)
@@ -59,13 +59,16 @@ class MovedArm(Node):
             self._plan, self._begun = (t, rows[:, :, order]), time.monotonic()
         while time.monotonic() - self._begun < t[-1]:
             if handle.is_cancel_requested:
-                self._end()
                 handle.canceled()
                 return FollowJointTrajectory.Result()
-            time.sleep(0.002)
+            time.sleep(0.02)
         self._end()
         handle.succeed()
         return FollowJointTrajectory.Result()
+
+    def _cancel(self, handle: Any) -> CancelResponse:
+        self._end()
+        return CancelResponse.ACCEPT
 
     def _end(self) -> None:
         with self._lock:
@@ -101,3 +104,7 @@ def main() -> None:
     executor.add_node(MovedArm())
     with suppress(KeyboardInterrupt, ExternalShutdownException):
         executor.spin()
+
+
+if __name__ == '__main__':
+    main()

@@ -290,8 +290,12 @@ class Graph:
         if module not in STARTED:
             STARTED.add(module)
             return self.start_program(module, ['-m', name, *arguments])
-        path = self.folder / f'{module}.log'
-        return self._keep(Process(path, FORK_SERVER.fork(name, arguments, path, self.environment)))
+        return self.start_fork(module, name, arguments)
+
+    def start_fork(self, name: str, module: str, arguments: list[str]) -> Process:
+        path = self.folder / f'{name}.log'
+        forked = FORK_SERVER.fork(module, arguments, path, self.environment)
+        return self._keep(Process(path, forked))
 
     def start_program(self, name: str, arguments: list[str]) -> Process:
         path = self.folder / f'{name}.log'

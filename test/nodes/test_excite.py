@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 
-TESTS = str(Path(__file__).resolve().parents[1])
-PROGRAM = f'import sys; sys.path.insert(0, {TESTS!r}); from nodes.moved_arm import main; main()'
 SETTINGS = """
 motion: {joints: [shoulder, elbow], duration_s: 10.0, lower: [-1.5], upper: [1.5], velocity: [2.0]}
 search: {draws: 4, starts: 1, steps: 5}
@@ -35,7 +33,7 @@ search: {draws: 4, starts: 1, steps: 5}
 def started(ros: Ros, folder: Path, arm: tuple[str, ...] = (), **parameters: Any) -> Process:
     """Start the arm, `train` and `excite`; return the arm."""
     graph, client = ros
-    moved = graph.start_program('moved_arm', ['-c', PROGRAM, '--ros-args', *arm])
+    moved = graph.start_fork('moved_arm', 'nodes.moved_arm', ['--ros-args', *arm])
     graph.start(
         'train',
         recording__joints=list(JOINTS),
