@@ -100,6 +100,13 @@ class AdaptedModel:
             self.go_back('not followed')
         self.rules = rules
 
+    def begin_anew(self) -> None:
+        """Be the commissioned model at once, as before the first update."""
+        self._counter, self._why = None, 'no update yet'
+        self.use(self._arm.start)
+        self._share = 1.0
+        self._serve()
+
     def go_back(self, why: str) -> None:
         """Blend to the commissioned model."""
         self._why = why

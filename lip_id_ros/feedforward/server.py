@@ -218,6 +218,8 @@ class Server:
         before = self._arm.loaded.deviations if self._arm else None
         if before is not None and loaded.deviations is not None:
             loaded.deviations.follow(before)
+        if loaded.adapted is not None:
+            loaded.adapted.begin_anew()  # what it followed when it was last served may be long ago
         sent = self._arm.shaper.sent if self._arm else Sent(np.zeros(len(loaded.joint_names)))
         self._arm = ServedArm(loaded, settings, self.counts.torques, sent)
         self._arm.shaper.begin()

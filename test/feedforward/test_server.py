@@ -6,14 +6,20 @@ import contextlib
 from dataclasses import replace
 from typing import Any
 
+from adaptation.arms import known_model, with_friction
 from feedforward.arms import arm, NAMES, point
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from lip_id_ros.adaptation.adapted_model import AdaptedModel
+from lip_id_ros.adaptation.follow_settings import FollowRules
+from lip_id_ros.adaptation.updates import Update
+from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
+from lip_id_ros.model import EffortCalibration
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.status import Level
@@ -42,6 +48,32 @@ def test_sample_is_answered_in_the_order_of_the_model() -> None:
     assert answer.query.kinetic == 25.0
     assert server.values()['answered'] == {'samples': 1, 'plans': 0, 'measured': 0}
     assert counted(server) == {'limited': 1}
+
+
+def test_a_model_that_is_served_again_begins_as_it_was_commissioned() -> None:
+    """As after a deactivation: the update before it may be hours old."""
+    model, changed = known_model(), with_friction(known_model(), 1.5)
+    assert changed.arm is not None
+    numbers = np.concatenate([changed.arm.links.ravel(), changed.arm.friction.coefficients])
+    adapted = AdaptedModel(model, FollowRules(0.1, 5.0, np.full(3, 5.0)))
+    loaded = LoadedModel(model, EffortCalibration.identity(3), adapted=adapted)
+    settings = ServeSettings(**PLAIN, torque_limits=(1e3,), follow_adaptation=True)
+    server, torques = Server(), []
+    state = point([0.3, -0.4, 0.5], [1.0, -0.8, 0.6], [0.0, 0.0, 0.0])
+    for start in (0.0, 3600.0):
+        server.use(loaded, settings)
+        server.enable()
+        torques.append(server.sample(model.joint_names, [state], start).tau)
+        server.take_update(
+            Update(model.fingerprint, 5, numbers, True, (0.5, 1.0)).to_text(), start
+        )
+        for k in range(4):
+            last = server.sample(model.joint_names, [state], start + 0.1 * k)
+        torques.append(last.tau)
+        server.release()
+    assert np.abs(torques[1] - torques[0]).min() > 0.1
+    np.testing.assert_allclose(torques[2], torques[0])
+    np.testing.assert_allclose(torques[3], torques[1])
 
 
 def test_novelty_is_that_of_the_last_sample() -> None:
