@@ -33,6 +33,11 @@ from lip_id_ros.signals.status import Status
 WATCH_PERIOD_S = 0.05
 
 
+def watch_period_s(publish_rate_hz: float) -> float:
+    """Return how often steps are watched [s]: each is published at the next watch."""
+    return min(WATCH_PERIOD_S, 0.5 / publish_rate_hz)
+
+
 class AdaptNode(NodeBase):
     """Follow an arm in a thread beside the executor; LipIdError if the model does not fit."""
 
@@ -54,7 +59,7 @@ class AdaptNode(NodeBase):
         self._subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_state, qos.SENSOR_STREAM
         )
-        self.create_steady_timer(WATCH_PERIOD_S, self._watch)
+        self.create_steady_timer(watch_period_s(self._settings().publish_rate_hz), self._watch)
 
     def stop(self) -> None:
         """Keep what was learned."""
@@ -94,7 +99,7 @@ class AdaptNode(NodeBase):
             self._publish(step.result())
         now = time.monotonic()
         if self._step is None and now >= self._due:
-            self._due = now + self._period_s
+            self._due = max(self._due + self._period_s, now)
             self._step = self._pool.submit(self._live.step, now, time.time())
 
     def _publish(self, step: Step) -> None:

@@ -23,9 +23,12 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from lip_id_ros.adaptation.live import AdaptSettings
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.model import EffortCalibration, InverseDynamicsModel
 from lip_id_ros.nodes import messages, qos
+from lip_id_ros.nodes.adapt import watch_period_s
+from lip_id_ros.settings import parameters_of
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Ros
@@ -124,6 +127,14 @@ def test_friction_that_doubled_is_published_kept_and_forgotten(ros: Ros, path: s
         return update is not None and not update.trusted
 
     client.wait_until(arm.until(is_fitted), 'the commissioned model')
+
+
+def test_steps_are_watched_twice_as_often_as_updates_are_published() -> None:
+    """A step is published at the next watch: at longer periods updates would come less often."""
+    highest = parameters_of(AdaptSettings)['publish_rate_hz'].maximum
+    assert highest is not None
+    for rate_hz in (1.0, 20.0, highest):
+        assert rate_hz * watch_period_s(rate_hz) <= 0.5
 
 
 def test_a_payload_is_announced_and_a_foreign_state_kept_aside(ros: Ros, path: str) -> None:
