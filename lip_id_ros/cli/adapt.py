@@ -58,6 +58,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.adaptation.replay import replay
     from lip_id_ros.checked_file import is_model
     from lip_id_ros.cli import models, output
+    from lip_id_ros.evaluation.cautions import data_remarks
     from lip_id_ros.evaluation.tables import show, show_lines
 
     inputs = [args.model, *args.sources]
@@ -67,10 +68,11 @@ def run(args: argparse.Namespace) -> None:
     output.check_folder(args.report, args.force)
     model = models.load(args.model)
     with output.progress_display() as progress:
-        dataset = models.load_for(model, args.sources, args.config, progress)
+        dataset = models.load_examined(model, args.sources, args.config, progress)
         found = replay(model, dataset, args.pause, progress=progress)
         tables = _tables(found)
-        lines = [MEANING, *(each.sentence() for each in found.adaptation.payload_events)]
+        remarks = data_remarks(dataset.provenance)
+        lines = [MEANING, *remarks, *(each.sentence() for each in found.adaptation.payload_events)]
         lines += change_lines(changes(found.adaptation))
         if not found.adaptation.is_trusted:
             lines.append(UNTRUSTED)
@@ -84,7 +86,7 @@ def run(args: argparse.Namespace) -> None:
     show_lines(lines, console)
     if args.report:
         show_lines([f'Written: {page}'], console)
-    output.write_json(args.json, found.to_json())
+    output.write_json(args.json, {**found.to_json(), 'cautions': remarks})
     if args.output is not None:
         found.adaptation.model.save(output.destination(args.output))
         show_lines([f'Written: {args.output}'], console)

@@ -120,3 +120,22 @@ def test_the_mean_is_that_of_the_joints_whose_torque_varies(
     assert none is None
     (row,) = (x for x in capsys.readouterr().out.splitlines() if 'mean of the joints' in x)
     assert row.replace('│', ' ').split()[4] == f'{(first + last) / 2:.3g}'
+
+
+def test_what_is_wrong_with_a_recording_is_told(
+    day: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An effort that is a copy of another, and the same recording twice."""
+    warm, log = Dataset.load(day / 'warm.npz'), tmp_path / 'copied.csv'
+    tau = warm.tau[:, [0, 1, 1]]
+    names = [f'{what}_{joint}' for what in ('q', 'dq', 'tau') for joint in warm.joint_names]
+    table = np.column_stack([warm.t, warm.q, warm.dq, tau])
+    np.savetxt(log, table, delimiter=',', header=','.join(['t', *names]), comments='')
+    figures = tmp_path / 'figures.json'
+    sources = [str(day / 'arm.npz'), str(log), str(day / 'warm.npz'), str(day / 'warm.npz')]
+    assert main(['adapt', *sources, '--json', str(figures)]) == 0
+    shown = ' '.join(capsys.readouterr().out.split())
+    assert 'effort_copied' in shown
+    assert 'repeat an earlier recording' in shown
+    cautions = ' '.join(json.loads(figures.read_text())['cautions'])
+    assert 'the effort of joint_3 is that of joint_2' in cautions
