@@ -156,6 +156,22 @@ def test_deviations_cover_the_truth_on_learned_arms(learned_arms: Learned) -> No
 
 
 @pytest.mark.slow
+def test_deviations_grow_with_those_of_the_arm_and_with_noise_that_lasts(
+    learned_arms: Learned,
+) -> None:
+    (arm, ranges), some = learned_arms[0], np.arange(0, 1000, 3)
+    unsure = replace(arm, covariance_root=5.0 * arm.covariance_root)
+    white = recorded(plain_arm(), body(), 0, NOISE).select(some)
+    lasting = recorded(plain_arm(), body(), 0, NOISE, correlated=50).select(some)
+    std = []
+    for own, data in ((arm, white), (unsure, white), (arm, lasting)):
+        model = replace(model_of(plain_arm()), arm=own, training_range=ranges)
+        found = payload_in_flange(identify_payload(model, data), 0.0, 0.0)
+        std.append(np.sqrt(np.diagonal(found.covariance)[:4]))
+    assert (np.median(np.divide(std[1:], std[0]), axis=1) > 1.5).all()
+
+
+@pytest.mark.slow
 def test_deviations_of_energies_cover_the_truth(learned_arms: Learned) -> None:
     """At states of an unseen motion; the potential energy relative to its reference."""
     arm, scores = plain_arm(), []
