@@ -47,6 +47,9 @@ friction before and after, of which nothing is learned.
 
 SPARSE = f'nothing is learned: joint states are over {LONGEST_GAP_S:g} s apart, or have just begun'
 
+MOST_WAITING = 20_000
+"""Joint states that may wait to be learned from: 20 s at the highest rate."""
+
 NEARLY = 0.95
 """A sample this share of a period after the one before is taken: stamps jitter."""
 
@@ -153,7 +156,7 @@ class LiveAdaptation:
         self._q: Array | None = None
         self._reader = JointStateReader(model.joint_names, model.effort_calibration)
         self._stamps, self._low_pass = StampWatch(), LowPass(settings.cutoff_hz)
-        self._tally = Tally('too_soon', 'after_a_gap', 'out_of_range', 'learnable')
+        self._tally = Tally('too_soon', 'after_a_gap', 'out_of_range', 'overrun', 'learnable')
         self._judged = self._tally.used.copy()
         self._outcomes = Counter(dict.fromkeys(OUTCOMES, 0))
         self._waiting: deque[tuple[bool, float, Array]] = deque()
@@ -213,6 +216,8 @@ class LiveAdaptation:
         self._last_t = measured.t
         if (state < self._low - margin).any() or (state > self._high + margin).any():
             return 'out_of_range'
+        if len(self._waiting) == MOST_WAITING:
+            return 'overrun'
         jumped, self._jumps = self._stamps.jumps != self._jumps, self._stamps.jumps
         self._waiting.append((jumped, measured.t, np.array([*state, torque, np.abs(sign)])))
         return 'learnable'

@@ -13,6 +13,7 @@ from adaptation.arms import with_friction
 import numpy as np
 import pytest
 
+from lip_id_ros.adaptation import live as live_module
 from lip_id_ros.adaptation.adapted_model import AdaptedModel
 from lip_id_ros.adaptation.follow_settings import FollowRules
 from lip_id_ros.adaptation.live import AdaptSettings, LiveAdaptation, payload_values, Step
@@ -27,7 +28,7 @@ from lip_id_ros.signals.status import Level
 
 RATE_HZ, START_NS = 50.0, 1_000_000_000_000
 OUTCOMES = ('learned', 'held', 'disturbed', 'resting', 'settling')
-GATES = ('too_soon', 'after_a_gap', 'out_of_range', 'waiting')
+GATES = ('too_soon', 'after_a_gap', 'out_of_range', 'overrun', 'waiting')
 
 
 def states(
@@ -380,3 +381,18 @@ def test_a_joint_state_that_cannot_be_used_is_refused(
 def test_a_centre_of_mass_has_three_numbers(path: str) -> None:
     with pytest.raises(ConfigError, match='must hold three numbers'):
         live(path, payload_centre=(0.0, 0.1))
+
+
+def test_joint_states_that_are_not_learned_from_in_time_do_not_fill_the_memory(
+    path: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_module, 'MOST_WAITING', 30)
+    model, found = InverseDynamicsModel.load(path), live(path)
+    for message in states(model, 4.0):
+        found.take(message)
+    values = found.values()
+    assert values['waiting'] == 30
+    assert values['overrun'] > 20
+    found.step(1.0, 1001.0)
+    found.take(next(states(model, 1.0, start=4.1)))
+    assert found.values()['waiting'] == 1
