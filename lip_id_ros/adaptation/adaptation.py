@@ -214,9 +214,7 @@ class Adaptation:
     def pause(self, seconds: float) -> None:
         """Let a time without samples pass [s]; the next sample may be of another clock."""
         self._go_back(seconds)
-        walk = self.arm.walk
-        walked = self.covariance[-len(walk.covariance) :, -len(walk.covariance) :]
-        walked += walk.growth(np.array(seconds)) * walk.covariance
+        self.arm.walk.spread(self.covariance, seconds)
         self._t = np.nan
 
     def _go_back(self, seconds: float) -> None:

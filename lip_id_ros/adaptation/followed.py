@@ -120,7 +120,7 @@ class FollowedArm:
     @cached_property
     def walk(self) -> Walk:
         """How friction changes; links do not."""
-        links, friction = np.split(self._root, [len(self._root) - self._walk_variance.size])
+        links, friction = np.split(self._root, [self._n_used_links])
         # friction by links, as the posterior of the fit has it, and what it leaves open
         slopes = np.linalg.lstsq(links.T, friction.T, rcond=None)[0].T
         left = friction - slopes @ links
@@ -130,8 +130,7 @@ class FollowedArm:
     @property
     def change_variance(self) -> Array:
         """Variances of changes in the long run of the active numbers, shape (p,)."""
-        links = np.zeros(len(self._root) - self._walk_variance.size)
-        return np.concatenate([links, self._walk_variance])
+        return np.concatenate([np.zeros(self._n_used_links), self._walk_variance])
 
     @cached_property
     def _walk_variance(self) -> Array:
@@ -141,9 +140,14 @@ class FollowedArm:
         return np.asarray(np.where(is_offset, own.offset * self.unit, changing) ** 2)
 
     @property
+    def _n_used_links(self) -> int:
+        """Count of links' parameters among the active numbers; friction comes after them."""
+        return len(self._root) - self._walk_variance.size
+
+    @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest active numbers that are followed, each of shape (p,)."""
-        links = np.full(len(self._root) - self._walk_variance.size, np.inf)
+        links = np.full(self._n_used_links, np.inf)
         lower, upper = self._bounds
         return np.concatenate([-links, lower]), np.concatenate([links, upper])
 

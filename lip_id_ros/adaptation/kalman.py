@@ -41,6 +41,11 @@ class Walk:
         """Return the share of `covariance` by which a walk grows in times of any shape [s]."""
         return np.asarray(-np.expm1(-2.0 * self.rate * np.maximum(seconds, 0.0)))
 
+    def spread(self, covariance: Array, seconds: float) -> None:
+        """Let what walks become less sure for a time [s]; `covariance`, (p, p): changed."""
+        first = self.slopes.shape[1]
+        covariance[first:, first:] += self.growth(np.array(seconds)) * self.covariance
+
     def go_back(self, mean: Array, covariance: Array, centre: Array, seconds: float) -> None:
         """
         Let numbers return for a time [s], without growth.

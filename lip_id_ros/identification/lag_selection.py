@@ -45,9 +45,11 @@ def with_lags(fitter: ArmFitter, fit: ArmFit) -> ArmFit:
     usual = np.maximum(np.sqrt(np.mean(some.ddq**2, axis=0)), 1e-9)
     least = NO_ROTOR * fit.noise.std / usual
     joints = np.flatnonzero(fit.links[:, ROTOR] < least)
+    if not joints.size:
+        return fit
     rows = evenly(fitter.dataset.n_samples, SAMPLES)
     fold = recurrent_folds(fitter.dataset, FOLDS)[rows]
-    if not joints.size or np.unique(fold).size < LEAST_FOLDS:
+    if np.unique(fold).size < LEAST_FOLDS:
         return fit
     lagging = fitter.refined(some, _lagging(fitter, some, fit, joints, least[joints]), ROUNDS)
     now, then = (
