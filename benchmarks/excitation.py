@@ -2,7 +2,8 @@
 Errors after a designed motion, beside random ones within the same limits (excitation.md).
 
 Simulated arms with friction, rotors and gears follow a motion; a model is fitted to what was
-measured, and judged by the torques of unseen random motions within the same limits.
+measured, and judged by the torques of unseen random motions within the same limits. What is left
+after learning from the unseen motions themselves is what no motion cures.
 
 """
 
@@ -11,7 +12,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from itertools import product
 from pathlib import Path
 import time
@@ -22,7 +23,7 @@ from benchmarks._effects import driven, Drives, INDUSTRIAL, MILD
 from benchmarks._results import Results, Row
 from benchmarks.baselines import method
 from lip_id_ros.arrays import Array
-from lip_id_ros.dataset import Dataset
+from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.description.limits import joint_ranges
 from lip_id_ros.evaluation.metrics import nmse_percent
 from lip_id_ros.excitation.joint_limits import JointLimits, limits_from
@@ -39,7 +40,8 @@ EFFECTS = {'mild': MILD, 'industrial': INDUSTRIAL}
 LEARNERS = ('rigid_body', 'rigid_body_friction', 'articulated')
 """Least squares with the true chain, without and with selection of friction; the default fit."""
 
-MOTIONS = ('designed', 'best of 30', 'random 0', 'random 1', 'random 2', 'random 40 s')
+MOTIONS = ('designed', 'best of 30', 'random 0', 'random 1', 'random 2', 'random 40 s', 'unseen')
+RANDOM = MOTIONS[2:5]
 
 SECONDS, RATE_HZ = 20.0, 100.0
 TESTS, TEST_SEED = 5, 10_000
@@ -113,8 +115,10 @@ def random_motion(arm: Arm, seed: int, seconds: float = SECONDS) -> FourierMotio
     return motions.motion(motions.random(np.random.default_rng([seed, 77])))
 
 
-def chosen_motion(arm: Arm, name: str, seed: int) -> FourierMotion:
-    """Return the motion to learn from."""
+@cache
+def chosen_motion(robot: str, name: str, seed: int) -> FourierMotion:
+    """Return the motion to learn from, which is the same with any drives."""
+    arm = arm_of(robot, 'mild')
     if name.startswith('random'):
         if name == 'random 40 s':
             return random_motion(arm, 1000 * seed + 100, 2.0 * SECONDS)
@@ -125,44 +129,71 @@ def chosen_motion(arm: Arm, name: str, seed: int) -> FourierMotion:
     return design_motion(ExcitationConfig(arm.motion, search=search)).motion
 
 
-def measured(robot: str, effects: str, learner: str, name: str, seed: int) -> Row:
-    """Fit a model to one motion, and return its errors on unseen ones [%], joint by joint."""
+@cache
+def unseen(robot: str, effects: str) -> list[Dataset]:
+    """Return recordings of the motions that models are judged on."""
     arm = arm_of(robot, effects)
+    return [
+        arm.record(random_motion(arm, TEST_SEED + k), np.random.default_rng(k))
+        for k in range(TESTS)
+    ]
+
+
+def training(robot: str, effects: str, name: str, seed: int) -> Dataset:
+    """Return what is measured along a motion to learn from."""
+    if name == 'unseen':
+        return concatenate(unseen(robot, effects))
+    motion = chosen_motion(robot, name, seed)
+    return arm_of(robot, effects).record(motion, np.random.default_rng(seed))
+
+
+def measured(case: tuple[str, str, str], name: str, seed: int) -> Row:
+    """Fit a model to one motion, and return its errors on unseen ones [%], joint by joint."""
+    robot, effects, learner = case
+    train = training(robot, effects, name, seed)
     started = time.process_time()
-    motion = chosen_motion(arm, name, seed)
-    designed_s = time.process_time() - started
-    train = arm.record(motion, np.random.default_rng(seed))
-    model = method(learner, arm.urdf).fit(train, FitSettings(seed=seed), silent)
-    fitted_s = time.process_time() - started - designed_s
+    model = method(learner, arm_of(robot, effects).urdf).fit(train, FitSettings(seed=seed), silent)
+    fitted_s = time.process_time() - started
     errors = []
-    for k in range(TESTS):
-        test = arm.record(random_motion(arm, TEST_SEED + k), np.random.default_rng(k))
-        tau = model.predict(test.q, test.dq, test.ddq).tau
+    for test in unseen(robot, effects):
         assert test.tau_noiseless is not None
-        errors.append(nmse_percent(tau, test.tau_noiseless))
-    return {
-        'nmse': np.mean(errors, axis=0).tolist(),
-        'design_cpu_s': designed_s,
-        'fit_cpu_s': fitted_s,
-    }
+        errors.append(
+            nmse_percent(model.predict(test.q, test.dq, test.ddq).tau, test.tau_noiseless)
+        )
+    return {'nmse': np.mean(errors, axis=0).tolist(), 'fit_cpu_s': fitted_s}
 
 
 def table(rows: Mapping[str, Row], cases: list[tuple[str, str, str]], seeds: list[int]) -> None:
-    """Print geometric means over joints and seeds, in those of random motions of 20 s."""
-    print('| Arm | Drives | Learner | Motion | nMSE [%] | in random |\n|---|---|---|---|---|---|')
+    """Print geometric means over joints, and their ratios to random motions of 20 s, by seeds."""
+    header = ('Arm', 'Drives', 'Learner', 'Motion', 'Seeds', 'nMSE [%]', 'in random', 'range')
+    print(f'| {" | ".join(header)} |\n|{"---|" * len(header)}')
     for case in cases:
-        means = {}
-        for name in MOTIONS:
-            keys = (' | '.join((*case, name, str(seed))) for seed in seeds)
-            found = [rows[key]['nmse'] for key in keys if key in rows]
-            if found:
-                means[name] = float(np.exp(np.mean(np.log(found))))
-        of_random = [value for name, value in means.items() if name in MOTIONS[2:5]]
-        if not of_random:
-            continue
-        usual = float(np.exp(np.mean(np.log(of_random))))
-        for name, value in means.items():
-            print(f'| {" | ".join(case)} | {name} | {value:.3g} | {value / usual:.2f} |')
+        means = {
+            name: np.array([_mean(rows, case, name, seed) for seed in seeds]) for name in MOTIONS
+        }
+        usual = np.exp(np.mean([np.log(means[name]) for name in RANDOM], axis=0))
+        means['random'] = usual
+        for name in ('random', *(each for each in MOTIONS if each not in RANDOM)):
+            known = np.isfinite(means[name]) & np.isfinite(usual)
+            if not known.any():
+                continue
+            ratios = (means[name] / usual)[known]
+            value, of_random = np.median(means[name][known]), np.median(ratios)
+            print(
+                f'| {" | ".join(case)} | {name} | {known.sum()} | {value:.3g} | '
+                f'{of_random:.2f} | {ratios.min():.2f} to {ratios.max():.2f} |'
+            )
+
+
+def _mean(rows: Mapping[str, Row], case: tuple[str, str, str], name: str, seed: int) -> float:
+    """Return the geometric mean over the joints [%]; not a number where it was not measured."""
+    found = rows.get(_key(case, name, seed))
+    return np.nan if found is None else float(np.exp(np.mean(np.log(found['nmse']))))
+
+
+def _key(case: tuple[str, str, str], name: str, seed: int) -> str:
+    seed = 0 if name == 'unseen' else seed
+    return ' | '.join((*case, name, str(seed)))
 
 
 def main(arguments: list[str]) -> int:
@@ -177,8 +208,6 @@ def main(arguments: list[str]) -> int:
     results = Results(options.results)
     cases = list(product(options.robots, options.effects, options.learners))
     for seed, case, name in product(options.seeds, cases, MOTIONS):
-        robot, effects, learner = case
-        key = ' | '.join((*case, name, str(seed)))
-        results.row(key, partial(measured, robot, effects, learner, name, seed))
+        results.row(_key(case, name, seed), partial(measured, case, name, seed))
     table(results.rows, cases, options.seeds)
     return 0

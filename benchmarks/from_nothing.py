@@ -117,6 +117,7 @@ def _executed(
         },
         'lip_id_ros.nodes.train': {
             'recording.joints': list(cell.joints), 'model_path': str(folder / 'model.npz'),
+            'unsaved_path': str(folder / 'kept'),
         },
         'lip_id_ros.nodes.excite': {
             'controller_action': ACTION, 'config_path': str(folder / 'excite.yaml'),

@@ -197,6 +197,12 @@ class ExciteNode(NodeBase):
         self._require_posture(watch.posture, names)
         if not self._controller.server_is_ready():
             raise HaltError(f'no controller offers {self._action}; activate it')
+        controllers = self.count_services(f'{self._action}/_action/send_goal')
+        if controllers > 1:
+            raise HaltError(
+                f'{controllers} controllers offer {self._action}, and each would execute the '
+                'motion; end all but one'
+            )
         await self._asked(self._record, SetBool.Request(data=True))
         self._trainer_heard_at = time.monotonic()
         try:

@@ -213,6 +213,20 @@ def test_a_train_that_falls_silent_while_it_fits_is_not_awaited(ros: Ros, tmp_pa
     assert '/train is silent for 5 s' in ended['summary']
 
 
+def test_two_controllers_of_one_action_are_refused(ros: Ros, tmp_path: Path) -> None:
+    graph, client = ros
+    graph.start_fork('second', 'nodes.moved_arm', ['--ros-args', '-r', '__node:=second_arm'])
+    started(ros, tmp_path, confirm=True)
+    service = f'{ACTION}/_action/send_goal'
+    client.wait_until(lambda: client.node.count_services(service) == 2, 'both controllers')
+    begin(client)
+    client.status('excite', lambda status: status['stage'] == 'waiting for confirm')
+    assert client.trigger('/excite/confirm').success
+    ended = client.status('excite', lambda status: status['stage'] in ('moving', 'stopped'))
+    assert f'2 controllers offer {ACTION}' in ended['summary']
+    assert np.abs(position(client)).max() == 0.0
+
+
 def test_a_killed_arm_ends_in_a_sentence(ros: Ros, tmp_path: Path) -> None:
     _, client = ros
     arm = started(ros, tmp_path, stale_timeout_s=0.5)
