@@ -20,6 +20,8 @@ from lip_id_ros.model.arm_posterior import ArmPosterior
 KINDS, TYPES = 'RRR', ('revolute',) * 3
 WIDTH, NOISE, SHARE = 0.05, 0.02, 0.02
 RATE_HZ = 20.0
+RANGES = np.array([1.5, 2.0, 5.0])[:, None, None]
+"""Of q, dq and ddq in the training data, to both sides."""
 
 
 class Stream(NamedTuple):
@@ -51,7 +53,7 @@ def known_model(memory: bool = False) -> InverseDynamicsModel:
         noise=TorqueNoise.constant(np.full(n, NOISE)),
         covariance_root=np.diag(std),
     )
-    ranges = np.array([[1.5], [2.0], [5.0]]) * np.ones(n)
+    ranges = RANGES[:, 0] * np.ones(n)
     model = of_arm(arm, TYPES)
     return replace(model, training_range=(-ranges, ranges), known_states=None)
 

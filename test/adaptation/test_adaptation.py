@@ -9,6 +9,7 @@ from adaptation.arms import (
     correlated_model,
     known_model,
     NOISE,
+    RANGES,
     RATE_HZ,
     Stream,
     stream,
@@ -91,6 +92,27 @@ def test_what_has_changed_is_named_and_an_arm_that_has_not_is_not_blamed() -> No
     _, now = friction_at_speed(other)
     _, fitted = friction_at_speed(Adaptation(model, WalkSettings(0.0, 0.0, 0.0)))
     np.testing.assert_allclose([each.std for each in friction], np.hypot(now, fitted))
+    speed = other.arm.speed
+    np.testing.assert_allclose([x.before for x in friction], 0.8 * speed + 0.6, rtol=1e-6)
+
+
+def test_a_torque_that_does_not_turn_with_the_motion_is_told_as_it_is() -> None:
+    model = known_model()
+    assert model.arm is not None
+    friction = model.arm.friction
+    values = friction.coefficients + np.eye(9)[5]  # the offset of joint 2, by 1 N m
+    other = FrictionModel(friction.basis, values)
+    adaptation = Adaptation(model)
+    adaptation.update(*stream(replace(model, arm=replace(model.arm, friction=other)), 40.0))
+    (found,) = changes(adaptation)
+    assert (found.joint, found.unit) == (model.joint_names[1], 'N m')
+    assert found.what.startswith('torque without direction at')
+    assert found.before == pytest.approx(0.05)
+    assert found.now == pytest.approx(1.05, abs=3.0 * found.std)
+    assert found.std < 0.05
+    usual = np.random.default_rng(1).uniform(-1.0, 1.0, (3, 2000, 3)) * RANGES
+    size = rms(model.predict(*usual).friction[:, 1])
+    assert found.share == pytest.approx((found.now - 0.05) / size, rel=0.1)
 
 
 def test_a_change_that_is_sure_but_small_is_not_named() -> None:

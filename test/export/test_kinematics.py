@@ -44,11 +44,15 @@ def test_deviations_decide_what_is_identified() -> None:
 def test_without_gravity_distances_are_known_up_to_a_factor() -> None:
     arm = random_arm('RRR')
     chain = arm.chain._replace(gravity=np.zeros(3))
-    summary = deviations(length_std_m=[0.0, 1e-3, 1e-3], offset_std_m=[0.0, 1e-3, 0.0])
+    distances = {'length_std_m': [0.0, 1e-3, 1e-3], 'offset_std_m': [0.0, 1e-3, 0.0]}
+    angles = {'twist_std_deg': [0.0, 0.5, 2.0], 'angle_std_deg': [1.0, 0.5, 2.0]}
+    summary = deviations(**distances, **angles)
     assert kinematics_of(arm.joint_names, arm.chain, summary).identified.all()
     found = kinematics_of(arm.joint_names, chain, summary)
     np.testing.assert_array_equal(found.identified[:, 1], [True, False, False])
     np.testing.assert_array_equal(found.identified[:, 3], [True, False, True])
+    np.testing.assert_array_equal(found.std[:, ::2], np.transpose([*angles.values()]))
+    assert found.identified[:, ::2].all()
     assert found.to_json()['joint_2']['length_std_m'] is None
     described = {**summary, 'description': {}}
     assert kinematics_of(arm.joint_names, chain, described).identified.all()

@@ -264,3 +264,32 @@ DEFECTS: dict[str, tuple[Break, set[str]]] = {
     'two_arms': (renamed(('torso', *SIDES)), set()),
     'gripper_joint': (renamed((*NAMES[:-1], 'panda_finger_joint1')), set()),
 }
+
+SAID = {
+    'short': 'lasts 15 s',
+    'low_rate': 'come at 10 Hz',
+    'gaps': '7 gaps, the longest of 0.22 s',
+    'dropped': '100 of 4100 messages',
+    'stale': '5 % of the samples repeat',
+    'held': 'each effort is held over 4 samples',
+    'frozen': 'for 2.99 s from 10 s on',
+    'position_jump': 'jump 1 times, first that of arm_joint5 at 20 s',
+    'position_frozen': 'for 2.99 s from 10 s on',
+    'velocity_delay': 'arm_joint1 is 30 ms behind its position',
+    'effort_zero': 'for 4.99 s of 35 s, longest for 4.99 s from 15.01 s on',
+    'effort_clipped': 'in 10 % of the samples',
+    'effort_exchanged': 'of arm_joint5 and arm_joint6 seem',
+    'effort_copied': 'of arm_joint5 is that of arm_joint3',
+    'effort_held': 'of arm_joint5 is held over 10 samples',
+    'effort_delay': 'about 59 ms behind the motion',
+    'coarse': 'in steps of 0.5,',
+    'position_unit': 'arm_joint5 moves by 200 rad',
+    'little_range': 'over 0.17 rad only',
+    'slow': 'of arm_joint5 is 0.022 rad/s',
+    'gentle': 'below 0.39 rad/s^2 in 99 %',
+    'together': 'arm_joint5 moves in step with arm_joint2',
+    'resting': 'rests in 55 % of the recording',
+    'joint_order': 'arm_joint11 comes before arm_joint5',
+    'two_arms': '3 joints of a left arm',
+}
+"""What findings must say of the defects of `sound()`, whose sizes are known."""

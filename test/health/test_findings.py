@@ -10,6 +10,7 @@ from health.defects import (
     constant,
     DEFECTS,
     JOINT,
+    SAID,
     times,
 )
 from health.recordings import (
@@ -45,9 +46,11 @@ def test_nothing_is_found_in_a_sound_recording(seed: int, friction: float) -> No
 def test_a_defect_is_found_and_nothing_else(code: str) -> None:
     spoil, others = DEFECTS[code]
     for seed in range(2):
-        kinds = codes(spoil(sound(seed)))
-        assert code in kinds
-        assert kinds <= {code} | others
+        findings = found(spoil(sound(seed)))
+        texts = [each.text for each in findings if each.code == code]
+        assert texts
+        assert {each.code for each in findings} <= {code} | others
+        assert seed or SAID.get(code, '') in texts[0]
 
 
 def test_findings_name_the_joint_and_say_what_to_do() -> None:

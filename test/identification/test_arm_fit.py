@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 from gp.arms import dataset_of
 from gp.chains import ChainArm, P, R, random_arm
@@ -29,7 +30,7 @@ from lip_id_ros.identification.posterior import (
     posterior,
     table_deviations,
 )
-from lip_id_ros.identification.residual_gp_selection import linearised
+from lip_id_ros.identification.residual_gp_selection import left_out_fits, linearised
 from lip_id_ros.identification.sample_selection import covering
 from lip_id_ros.identification.solution import coordinates_of, parts_about, system_of
 from lip_id_ros.identification.total import FrictionDeviations, gather, Total
@@ -101,6 +102,25 @@ def test_deviations_of_the_table_are_those_of_the_posterior_and_of_left_out_part
     widened = 0.5 * student.ppf(norm.cdf(2.0), 5) * by_parts
     found = np.array(table_deviations(total, solution, known))
     np.testing.assert_allclose(found, np.hypot(by_noise, widened), rtol=1e-3)
+
+
+def test_samples_that_stand_for_all_weigh_as_much_where_folds_are_left_out() -> None:
+    """Every sample comes nine times, and the noise is so large that the prior counts."""
+    fitter, fit = fitted()
+    few = fitter.dataset.select(np.arange(0, 200, 5))
+    names = 't', 'q', 'dq', 'ddq', 'tau', 'segment', 'recording'
+    arrays: dict[str, Any] = {x: np.repeat(getattr(few, x), 9, axis=0) for x in names}
+    every = replace(few, **arrays)
+    noisy = replace(fit, noise=replace(fit.noise, std=1e3 * fit.noise.std))
+    out = np.arange(40) % 4 == 0
+    some, whole = (
+        left_out_fits(fitter.of(every), noisy, rows, [(mask, -1)])[0].residual
+        for rows, mask in (
+            (np.arange(0, 360, 9), out),
+            (np.arange(360), np.repeat(out, 9)),
+        )
+    )
+    np.testing.assert_allclose(some, whole[::9], rtol=1e-6, atol=1e-9)
 
 
 def test_unseen_torques() -> None:
