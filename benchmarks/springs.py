@@ -66,18 +66,18 @@ def simulated(kind: str, seed: int, number: int) -> Dataset:
     arm, rng = random_arm(N_JOINTS, seed), np.random.default_rng([seed, number])
     t, q, dq, ddq = motion(rng)
     links = arm.torque(q, dq, ddq)
-    size = links.std(axis=0) if number == 0 else simulated_size(seed)
-    clean = links + FRICTION * size * (dq / dq.std(axis=0) + np.tanh(dq / WIDTH))
+    size, rate = simulated_sizes(seed)
+    clean = links + FRICTION * size * (dq / rate + np.tanh(dq / WIDTH))
     if kind != 'none':
         clean[:, JOINT] += SPRING * size[JOINT] * spring(kind, seed, q[:, JOINT])
     tau = clean + NOISE * size * rng.standard_normal(clean.shape)
     return replace(Dataset.from_arrays(q, dq, ddq, tau, t=t), tau_noiseless=clean)
 
 
-def simulated_size(seed: int) -> Array:
-    """Return the deviations of the links' torques in the first motion, shape (n,) [N m]."""
+def simulated_sizes(seed: int) -> tuple[Array, Array]:
+    """Return deviations in the first motion of links' torques [N m] and velocities, each (n,)."""
     _, *state = motion(np.random.default_rng([seed, 0]))
-    return random_arm(N_JOINTS, seed).torque(*state).std(axis=0)
+    return random_arm(N_JOINTS, seed).torque(*state).std(axis=0), state[1].std(axis=0)
 
 
 def spring(kind: str, seed: int, q: Array) -> Array:

@@ -118,7 +118,7 @@ class InverseDynamicsModel:
         """Standard deviation of the noise of a measured torque in motion, (n,) [N m or N]."""
         return self._known_arm.noise.std if self.process is None else self.process.noise_std
 
-    @property
+    @cached_property
     def has_potential(self) -> bool:
         """Whether the model has potential energy; not if the torques were gravity-compensated."""
         if self.process is not None:

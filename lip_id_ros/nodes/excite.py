@@ -11,6 +11,7 @@ import time
 from typing import Any
 
 from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 from rclpy.action import ActionClient
@@ -74,6 +75,7 @@ class ExciteNode(NodeBase):
         self._heard_at = -np.inf
         self._watch: MotionWatch | None = None
         self._goal: Any = None
+        self._doubt, self._uncancelled_after = '', np.inf
         self._pending: Future | None = None
         self._names: tuple[str, ...] = ()
         self._moving_since = 0.0
@@ -122,7 +124,7 @@ class ExciteNode(NodeBase):
             'deviation_percent': [list(each) for each in self._deviations],
             'design': {'stage': self._jobs.state.stage, 'done': self._jobs.state.done},
         }
-        return Status(level, f'{self._stage}: {self._sentence}', values)
+        return Status(level, f'{self._stage}: {self._sentence}{self._doubt}', values)
 
     # the motions
 
@@ -218,17 +220,18 @@ class ExciteNode(NodeBase):
     async def _executed(self, motion: NextMotion, watch: MotionWatch) -> None:
         self._enter(Stage.MOVE, f'motion {self._round} of {self._settings.rounds}')
         goal = self._kind.Goal(trajectory=_message(motion))
+        self._names = motion.trajectory.joint_names
+        self._moving_since, self._heard_at = self._now_s(), time.monotonic()
+        self._watch = watch  # the arm may move before the answer comes
         sent = self._controller.send_goal_async(goal)
         try:
             handle = await self._until(sent, LONGEST_ANSWER_S, self._action)
         except HaltError:
-            sent.add_done_callback(_cancel)  # it may still be accepted
+            sent.add_done_callback(self._on_late_answer)
             raise
         if not handle.accepted:
             raise HaltError(f'the controller of {self._action} has rejected the motion')
-        self._goal, self._names = handle, motion.trajectory.joint_names
-        self._moving_since, self._heard_at = self._now_s(), time.monotonic()
-        self._watch = watch
+        self._goal, self._moving_since = handle, self._now_s()
         answer = await self._until(handle.get_result_async())
         self._watch = None
         if answer.status != GoalStatus.STATUS_SUCCEEDED:
@@ -280,10 +283,32 @@ class ExciteNode(NodeBase):
     def _halt(self, reason: str) -> None:
         """Cancel the motion that runs, and end what is awaited."""
         if self._goal is not None:
-            self._goal.cancel_goal_async()
+            self._cancel(self._goal)
         self._watch = None
         if self._pending is not None and not self._pending.done():
             self._pending.set_exception(HaltError(reason))
+
+    def _cancel(self, handle: Any) -> None:
+        self._uncancelled_after = time.monotonic() + LONGEST_ANSWER_S
+        handle.cancel_goal_async().add_done_callback(self._on_cancelled)
+
+    def _on_cancelled(self, answer: Future) -> None:
+        self._uncancelled_after = np.inf
+        if answer.exception() is None:
+            response = answer.result()  # rclpy's servers refuse without an error code
+            ended = response.return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED
+            if ended or response.goals_canceling:
+                return
+        self._tell_doubt('has refused to cancel the motion')
+
+    def _on_late_answer(self, sent: Future) -> None:
+        if sent.exception() is None and sent.result().accepted:
+            self._cancel(sent.result())
+
+    def _tell_doubt(self, why: str) -> None:
+        self._doubt = f'; the controller of {self._action} {why}: stop the arm by other means'
+        self.get_logger().error(self._doubt.removeprefix('; '))
+        self.publish_status()
 
     def _go_on(self) -> None:
         if self._pending is not None and not self._pending.done():
@@ -291,6 +316,9 @@ class ExciteNode(NodeBase):
 
     def _on_tick(self) -> None:
         now = time.monotonic()
+        if now > self._uncancelled_after:
+            self._uncancelled_after = np.inf
+            self._tell_doubt(f'has not said in {LONGEST_ANSWER_S:g} s whether it ends the motion')
         if self._pending is not None and now > self._limit[0]:
             self._halt(f'{self._limit[1]} has not answered in {LONGEST_ANSWER_S:g} s')
         if self._settled_at is not None and now > self._settled_at:
@@ -341,6 +369,7 @@ class ExciteNode(NodeBase):
             return _answer(response, False, f'the node is {self._stage}; call ~/stop first')
         if not self._positions:
             return _answer(response, False, 'no joint state has come; start the driver')
+        self._doubt, self._uncancelled_after = '', np.inf
         self._enter(Stage.DESIGN, 'the first motion')
         self.executor.create_task(self._run())
         return _answer(response, True, 'designing the first motion; ~/status shows how it goes')
@@ -359,7 +388,7 @@ class ExciteNode(NodeBase):
         self._halt('~/stop was called')
         with suppress(LipIdError):
             self._jobs.cancel()
-        return _answer(response, True, 'stopped')
+        return _answer(response, True, 'stopping; ~/status shows how it ends')
 
     def _watched(self, motion: NextMotion) -> MotionWatch:
         names, settings = motion.trajectory.joint_names, self._settings
@@ -402,11 +431,6 @@ def _require(settings: RoundSettings) -> None:
 
 def _has_ended(job: Mapping[str, Any], before: Mapping[str, Any]) -> bool:
     return job.get('task') == 'fit' and job != before and job.get('state') != 'running'
-
-
-def _cancel(sent: Future) -> None:
-    if sent.exception() is None and sent.result().accepted:
-        sent.result().cancel_goal_async()
 
 
 async def _passing(awaited: Any, pending: Future) -> None:

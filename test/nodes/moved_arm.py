@@ -28,11 +28,16 @@ REST = np.zeros((3, len(JOINTS)))
 
 
 class MovedArm(Node):
-    """It follows plans exactly; beyond `blocked_at` [rad] its first joint does not move."""
+    """
+    It follows plans exactly; beyond `blocked_at` [rad] its first joint does not move.
+
+    Where it `ignores_cancels` it goes on all the same.
+    """
 
     def __init__(self) -> None:
         super().__init__('moved_arm')
         self._blocked_at = self.declare_parameter('blocked_at', np.inf).value
+        self._ignores_cancels = self.declare_parameter('ignores_cancels', False).value
         self._arm, self._rng = random_arm((R, R), seed=3), np.random.default_rng(0)
         self._lock = threading.Lock()
         self._plan: tuple[Array, Array] | None = None  # times, states
@@ -67,6 +72,8 @@ class MovedArm(Node):
         return FollowJointTrajectory.Result()
 
     def _cancel(self, handle: Any) -> CancelResponse:
+        if self._ignores_cancels:
+            return CancelResponse.REJECT
         self._end()
         return CancelResponse.ACCEPT
 
