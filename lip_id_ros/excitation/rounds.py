@@ -153,6 +153,10 @@ def numbered(path: str, number: int) -> str:
     return os.fspath(place.with_name(f'{place.stem}_{number}{place.suffix}'))
 
 
+INSTANTS = 5
+"""Of the plan, between the earliest and the latest time that a joint state may be of."""
+
+
 class MotionWatch:
     """
     Judges the joint states while a motion is executed.
@@ -173,18 +177,20 @@ class MotionWatch:
         return np.asarray(self._planned.q[0])
 
     def reason_to_stop(
-        self, since_start: float, q: Sequence[float] | Array, effort: Sequence[float] | Array
+        self,
+        since_start: tuple[float, float],
+        q: Sequence[float] | Array,
+        effort: Sequence[float] | Array,
     ) -> str | None:
         """
         Return why the motion must stop, or None.
 
-        By positions [rad or m] and efforts, (n,), so long after its start [s]; efforts may be
-        empty where they have no limit.
+        By positions [rad or m] and efforts, (n,), at a time after its start [s] between two, of
+        which nobody knows more; efforts may be empty where they have no limit.
         """
-        planned = np.array(
-            [np.interp(since_start, self._planned.t, way) for way in self._planned.q.T]
-        )
-        away = np.abs(np.asarray(q) - planned)
+        times = np.linspace(*since_start, INSTANTS)
+        planned = np.array([np.interp(times, self._planned.t, way) for way in self._planned.q.T])
+        away = np.maximum(planned.min(axis=1) - q, q - planned.max(axis=1))
         if reason := self._beyond(away, self._tolerance, 'is {:.3g} away from its plan'):
             return reason
         if not len(effort):

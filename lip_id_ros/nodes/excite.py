@@ -40,6 +40,9 @@ TICK_S = 0.02
 LONGEST_ANSWER_S = 5.0
 """The controller and `train` answer sooner, and `train` has diagnostics more often."""
 
+LATE_S = 0.01
+"""A joint state is heard within this time."""
+
 LEAST_SETTLED_S = 0.5
 """Recorded after each motion, so that `train` has its end."""
 
@@ -78,7 +81,7 @@ class ExciteNode(NodeBase):
         self._doubt, self._uncancelled_after = '', np.inf
         self._pending: Future | None = None
         self._names: tuple[str, ...] = ()
-        self._moving_since = 0.0
+        self._sent_at, self._accepted_at = 0.0, np.inf
         self._job: Mapping[str, Any] = {}
         self._heard_of_job: Future | None = None
         self._limit = np.inf, ''
@@ -221,7 +224,8 @@ class ExciteNode(NodeBase):
         self._enter(Stage.MOVE, f'motion {self._round} of {self._settings.rounds}')
         goal = self._kind.Goal(trajectory=_message(motion))
         self._names = motion.trajectory.joint_names
-        self._moving_since, self._heard_at = self._now_s(), time.monotonic()
+        self._sent_at, self._accepted_at = self._now_s(), np.inf
+        self._heard_at = time.monotonic()
         self._watch = watch  # the arm may move before the answer comes
         sent = self._controller.send_goal_async(goal)
         try:
@@ -231,7 +235,7 @@ class ExciteNode(NodeBase):
             raise
         if not handle.accepted:
             raise HaltError(f'the controller of {self._action} has rejected the motion')
-        self._goal, self._moving_since = handle, self._now_s()
+        self._goal, self._accepted_at = handle, self._now_s()
         answer = await self._until(handle.get_result_async())
         self._watch = None
         if answer.status != GoalStatus.STATUS_SUCCEEDED:
@@ -345,7 +349,10 @@ class ExciteNode(NodeBase):
         q = [message.position[k] for k in column]
         has_effort = len(message.effort) == len(message.name)
         effort = [message.effort[k] for k in column] if has_effort else []
-        reason = self._watch.reason_to_stop(self._now_s() - self._moving_since, q, effort)
+        # the controller has begun between the goal and its answer, and joint states are late
+        now = self._now_s()
+        since_start = max(0.0, now - self._accepted_at - LATE_S), now - self._sent_at
+        reason = self._watch.reason_to_stop(since_start, q, effort)
         if reason is not None:
             self._halt(reason)
 

@@ -53,8 +53,21 @@ def watch(**limits: float) -> MotionWatch:
 def test_what_stops_a_motion(
     q: tuple[float, ...], effort: tuple[float, ...], limits: dict[str, float], reason: str | None
 ) -> None:
-    found = watch(**limits).reason_to_stop(0.5, q, effort)
+    found = watch(**limits).reason_to_stop((0.5, 0.5), q, effort)
     assert found is None if reason is None else found is not None and reason in found
+
+
+def test_a_joint_is_on_its_way_if_it_is_at_any_time_it_may_be_at() -> None:
+    judged = watch()
+    on_its_way = judged.reason_to_stop((0.3, 0.6), (0.21, 0.0), (0.0, 0.0))
+    assert on_its_way is None
+    assert judged.reason_to_stop((0.3, 0.6), (0.69, 0.0), (0.0, 0.0)) is None
+    behind = judged.reason_to_stop((0.3, 0.6), (0.19, 0.0), (0.0, 0.0))
+    ahead = judged.reason_to_stop((0.3, 0.6), (0.72, 0.0), (0.0, 0.0))
+    assert behind is not None
+    assert 'a is 0.11 away' in behind
+    assert ahead is not None
+    assert 'a is 0.12 away' in ahead
 
 
 def request(folder: Path, **changes: object) -> MotionRequest:
