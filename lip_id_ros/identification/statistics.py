@@ -220,23 +220,40 @@ def measure_left_out(
     residuals [N m or N].
     """
     grams = np.array([[r.T @ r for r in block.factors] for block in blocks])
-    count = np.sum([block.counts for block in blocks], axis=0)
-    inside = _shares(grams.sum(axis=0), prior, noise_std, grams.sum(axis=0))[1] / count
+    count, whole = np.sum([block.counts for block in blocks], axis=0), grams.sum(axis=0)
+    inside = _shares(whole, prior, noise_std, whole)[1] / count
+    inflation = score_inflation(grams, prior, noise_std, float(inside.mean()))
     white = noise_std / np.sqrt(_freedom(inside))
     squares, outside = np.zeros((len(blocks), noise_std.size)), np.zeros(noise_std.size)
     for k, block in enumerate(blocks):
-        step, share = _shares(grams.sum(axis=0) - grams[k], prior, white, grams[k])
+        step, share = _shares(whole - grams[k], prior, white, grams[k])
         squares[k] = block.squared_residuals(step)
         outside += share / count
-    ratio = squares.sum(axis=0) / count / noise_std**2
-    # residuals of the fit have 1 - inflation * inside of the variance, left-out ones
-    # 1 + inflation * outside of it
-    inflation = np.sum(ratio - 1.0) / np.sum(ratio * inside + outside)
-    inflation = float(np.clip(inflation, 1.0, MOST_INFLATION))
+    # correlated noise takes as many times more degrees of freedom
     variance = noise_std**2 / _freedom(inflation * inside)
-    left_over = ratio * noise_std**2 - inflation * outside * variance
+    left_over = squares.sum(axis=0) / count - inflation * outside * variance
     left_std = np.sqrt(np.maximum(left_over, variance))
     return LeftOut(len(blocks) * squares / count, inflation, left_std, np.sqrt(variance))
+
+
+def score_inflation(grams: Array, prior: Array, noise_std: Array, inside: float) -> float:
+    """
+    Return how many times the scores of blocks vary more than white noise makes them, at least 1.
+
+    Gram matrices (K, n, m, m) of blocks; `inside` is the share of the noise's variance that
+    parameters take. Scores are slopes of the log likelihood by parameters, measured in their
+    covariance (Liang and Zeger, Biometrika 1986; White, Econometrica 1982).
+    """
+    parameters, covariance = solved(grams.sum(axis=0), prior, noise_std)
+    blocks = np.tensordot(grams, noise_std**-2.0, axes=(1, 0))
+    scores = blocks[:, :-1, -1] - blocks[:, :-1, :-1] @ parameters
+    shares = covariance @ blocks[:, :-1, :-1]
+    # of white noise: tr(C E[u u^T]) with u = F_k^T (e_k - F_k C F^T e)
+    left = np.eye(len(covariance)) - shares
+    rest = shares.sum(axis=0) - shares
+    expected = np.trace((left @ left + rest @ shares) @ shares, axis1=1, axis2=2).sum()
+    ratio = float(np.einsum('ka,ab,kb->', scores, covariance, scores) / expected)
+    return float(np.clip(ratio / (1.0 + ratio * inside), 1.0, MOST_INFLATION))
 
 
 def solved(grams: Array, prior: Array, noise_std: Array) -> tuple[Array, Array]:

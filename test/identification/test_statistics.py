@@ -17,6 +17,7 @@ from lip_id_ros.identification.statistics import (
     contiguous_blocks,
     measure_left_out,
     posterior,
+    score_inflation,
     TorqueStatistics,
 )
 
@@ -137,11 +138,44 @@ def test_leaving_a_block_out() -> None:
         squares += blocks[k].squared_residuals(fit.mean) / 120
         outside += [fit.variance(rows[block == k]).sum() / 120 for rows in whole] / white**2
     np.testing.assert_allclose(got.mean_squares, squares, rtol=1e-9)
-    ratio = squares / NOISE**2
-    inflation = np.sum(ratio - 1.0) / np.sum(ratio * inside + outside)
-    assert got.inflation == pytest.approx(max(inflation, 1.0), rel=1e-8)
     variance = NOISE**2 / (1.0 - got.inflation * inside)
     np.testing.assert_allclose(got.unbiased_std**2, variance, rtol=1e-8)
+
+
+def test_scores_of_blocks_by_their_definition() -> None:
+    """With residuals of white noise as a projection of all samples, and errors that last."""
+    features, tau = samples(120)
+    block = contiguous_blocks(120, 4)
+    tau += 2.0 * NOISE * np.array([1.0, -1.0, 1.0, -1.0])[block, None]
+    rows = np.zeros((3, 120, 9))
+    for each, some, column in zip(rows, features, COLUMNS, strict=True):
+        each[:, column] = some
+    with_tau = np.concatenate([rows, tau.T[:, :, None]], axis=2)
+    parts = [with_tau[:, block == k] for k in range(4)]
+    grams = np.array([each.swapaxes(1, 2) @ each for each in parts])
+    scaled = with_tau / NOISE[:, None, None]
+    matrix, target = scaled[..., :-1].reshape(360, 9), scaled[..., -1].ravel()
+    covariance = np.linalg.inv(matrix.T @ matrix + np.diag(PRIOR**-2))
+    maker = np.eye(360) - matrix @ covariance @ matrix.T
+    found = expected = 0.0
+    for k in range(4):
+        own = np.tile(block == k, 3)
+        score = matrix[own].T @ (maker @ target)[own]
+        white = matrix[own].T @ maker[own]
+        found += score @ covariance @ score
+        expected += np.trace(covariance @ white @ white.T)
+    prior = np.column_stack([np.diag(1.0 / PRIOR), np.zeros(9)])
+    ratio = found / expected
+    assert ratio > 1.5
+    got = score_inflation(grams, prior, NOISE, inside=0.1)
+    assert got == pytest.approx(ratio / (1.0 + 0.1 * ratio), rel=1e-9)
+    inside = np.trace(matrix @ covariance @ matrix.T) / 360
+    blocks = [
+        TorqueStatistics.empty([np.arange(9)] * 3).update(list(each), tau[block == k])
+        for k, each in enumerate(rows[:, block == k] for k in range(4))
+    ]
+    whole = measure_left_out(blocks, prior, NOISE).inflation
+    assert whole == pytest.approx(ratio / (1.0 + inside * ratio), rel=1e-9)
 
 
 @pytest.mark.parametrize('together', [1, 6])
@@ -152,7 +186,8 @@ def test_variances_are_true_where_noise_is_correlated(together: int) -> None:
     features /= features.std(axis=0)
     empty, wide = TorqueStatistics.empty([np.arange(48)]), np.full(48, 1e3)
     prior = np.column_stack([np.diag(1.0 / wide), np.zeros(48)])
-    block, said, seen, noises = contiguous_blocks(t.size, 6), [], [], []
+    block, inflations = contiguous_blocks(t.size, 6), []
+    said, seen, noises = [], [], []
     for _ in range(20):
         noise = rng.standard_normal((t.size + together - 1, 1))
         tau = sum(noise[i : i + t.size] for i in range(together)) / np.sqrt(together)
@@ -164,6 +199,8 @@ def test_variances_are_true_where_noise_is_correlated(together: int) -> None:
         said.append(found.inflation * found.unbiased_std[0] ** 2 * fit.variance(features).mean())
         seen.append(np.mean((features @ fit.mean) ** 2))
         noises.append(found.unbiased_std[0])
+        inflations.append(found.inflation)
+    assert np.std(inflations) < 0.8  # by errors of left-out blocks it was 0.93
     assert np.mean(said) == pytest.approx(np.mean(seen), rel=0.2), (np.mean(said), np.mean(seen))
     assert np.mean(noises) == pytest.approx(1.0, abs=0.02)
 
