@@ -78,7 +78,7 @@ def _run(cell: Cell, options: argparse.Namespace) -> dict[str, Any]:
     """Have the nodes run until `excite` has ended; return what came of it."""
     text = description(Path(cell.urdf), cell.joints)
     arm = Arm(cell, text)
-    motion = _motion(cell, arm)
+    motion = motion_of(cell, arm)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         ended = _executed(cell, motion, arm, folder, options)
@@ -94,7 +94,8 @@ def _run(cell: Cell, options: argparse.Namespace) -> dict[str, Any]:
         return {**found, 'nmse_percent': _error(cell, text, motion, model)}
 
 
-def _motion(cell: Cell, arm: Arm) -> MotionSettings:
+def motion_of(cell: Cell, arm: Arm) -> MotionSettings:
+    """Return the settings of motions around the posture, within 0.8 of the arm's limits."""
     at = np.array(cell.posture)
     velocity = np.minimum(SHARE * arm.velocity, 2.0)
     return MotionSettings(

@@ -51,7 +51,7 @@ class ExcitingMotion:
 
     `joint_names`, `joint_types`: from base to tip. `design`: the motion, its criterion, and those
     of random motions within the same limits. `rate`: at which it is written [Hz]. `chain`,
-    `space`: where the joints are and may be; None for an unknown chain. `learning`: what a model
+    `space`: where the joints are and may be; None without a URDF. `learning`: what a model
     will have learned from it; None where there is no model.
     """
 
@@ -179,13 +179,13 @@ def design_motion(
         wanted_states(config, largest, posture) if targets is None else _states(targets, model)
     )
     criterion = next_criterion(config, learner, states)
-    chain = _as_learned(chain, model.arm.chain)
-    constraints = _constraints(config, chain, limits, model, apart)
+    described = None if chain is None else _as_learned(chain, model.arm.chain)
+    constraints = _constraints(config, described, limits, model, apart)
     constraints.require_posture(posture)
     found = design(motions, criterion, config.search, progress, constraints)
     learning = Learning(model, states, found.motion, measurements(config))
     return ExcitingMotion(
-        names, types, limits, found, config.motion.rate_hz, chain, config.space, learning
+        names, types, limits, found, config.motion.rate_hz, described, config.space, learning
     )
 
 
@@ -197,9 +197,9 @@ def wanted_states(config: ExcitationConfig, limits: JointLimits, posture: Array)
     )
 
 
-def _as_learned(described: Chain | None, learned: Chain) -> Chain:
-    """Return the chain of a URDF, with coupled positions as a model has them, or that of it."""
-    return learned if described is None else described._replace(couplings=learned.couplings)
+def _as_learned(described: Chain, learned: Chain) -> Chain:
+    """Return the chain of a URDF, with coupled positions as a model has them."""
+    return described._replace(couplings=learned.couplings)
 
 
 def _constraints(
@@ -215,8 +215,9 @@ def _constraints(
     if is_limited(config.space):
         if chain is None:
             raise ConfigError(
-                'a floor, boxes or space.keep_in need to know where the joints are, but there is '
-                'neither a URDF nor a model; give one, or leave them out.'
+                'a floor, boxes or space.keep_in need a URDF, but there is none: torques do not '
+                'show how high the base is, how it is turned, nor where on its axis a joint is; '
+                'give a URDF, or leave them out.'
             )
         found.append(Space(config.space, chain, limits))
     return Constraints(found)

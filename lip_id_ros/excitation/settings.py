@@ -79,7 +79,7 @@ class MotionSettings(Settings):
 
 @dataclass(frozen=True)
 class SpaceSettings(Settings):
-    """Where joints and tool may be, in the frame of the base; needs a URDF or a model."""
+    """Where joints and tool may be, in the frame of the base; needs a URDF."""
 
     floor_m: float | str = setting(
         NONE, 'Height of the floor.', unit='m', minimum=-LARGEST, maximum=LARGEST, choices=(NONE,)

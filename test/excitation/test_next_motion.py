@@ -210,6 +210,20 @@ def test_a_floor_holds_where_the_model_has_coupled_positions() -> None:
     assert lowest == pytest.approx(heights.min(), abs=1e-3)
 
 
+def test_the_place_of_a_chain_that_torques_have_shown_is_not_taken_for_the_real_one() -> None:
+    motion = replace(
+        QUICK.motion,
+        posture=(0.0, 0.2, 0.3),
+        lower=(-1.0, -1.0, 0.0),
+        upper=(1.0, 1.0, 0.6),
+        velocity=(1.0,),
+    )
+    assert lip.design_motion(replace(QUICK, motion=motion), model=model()).chain is None
+    space = lip.SpaceSettings(floor_m=-100.0)
+    with pytest.raises(lip.ConfigError, match='need a URDF, but there is none: torques do not'):
+        lip.design_motion(replace(QUICK, motion=motion, space=space), model=model())
+
+
 @given(SEEDS)
 def test_smaller_limits_are_within_larger_ones(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -191,7 +191,7 @@ def test_a_space_that_leaves_no_motion_is_refused(case: str) -> None:
 
 def test_a_space_needs_to_know_where_the_joints_are() -> None:
     motion = lip.MotionSettings(joints=('a',), lower=(-1.0,), upper=(1.0,), velocity=(1.0,))
-    with pytest.raises(lip.ConfigError, match='but there is neither a URDF nor a model; give one'):
+    with pytest.raises(lip.ConfigError, match='need a URDF, but there is none: torques do not'):
         lip.design_motion(replace(QUICK, motion=motion))
 
 
