@@ -16,6 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 import fcntl
 from functools import cache, wraps
+from glob import escape
 import hashlib
 from itertools import pairwise
 import logging
@@ -109,12 +110,26 @@ class _Cache(FunctionCache):
             os.close(self._lock)
             self._lock = None
 
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """
+        Keep compiled code; without it where there is no room.
+
+        numba names code in the index before it writes the code: of a process that ends in between,
+        the next would take the code that another version of the source left under that name.
+        """
+        with suppress(OSError):
+            if not self._cache_file._load_index():  # type: ignore[no-untyped-call]
+                for old in Path(self.cache_path).glob(f'{escape(self._impl.filename_base)}.*.nbc'):
+                    old.unlink()
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+
     def _load(self, sig: Any, target_context: Any) -> Any:
-        """Return cached code; None where there is none, or it refers to types that are gone."""
+        """Return cached code; None where there is none, it is damaged, or its types are gone."""
         try:
             return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
-        except (ImportError, AttributeError):
-            self.flush()  # type: ignore[no-untyped-call]
+        except Exception:  # a file that is cut short makes pickle raise anything
+            with suppress(OSError):
+                self.flush()  # type: ignore[no-untyped-call]
             return None
 
 

@@ -101,6 +101,59 @@ def test_code_for_types_that_are_gone_is_discarded(folder: Path) -> None:
     assert run(folder) == (3.0, 0)
 
 
+@pytest.mark.parametrize('kind', ['nbi', 'nbc'])
+@pytest.mark.parametrize('length', [0, 20])
+def test_damaged_code_is_compiled_anew(folder: Path, kind: str, length: int) -> None:
+    """A robot is switched off while files are written."""
+    run(folder)
+    for path in folder.glob(f'__pycache__/outer.outer*.{kind}'):
+        os.truncate(path, length)
+    assert run(folder) == (2.0, 0)
+    assert run(folder) == (2.0, 1)
+
+
+INSTEAD_OF_WRITING = """
+from numba.core.caching import IndexDataCacheFile
+import os
+write = IndexDataCacheFile._save_data
+
+def without_outer(self, name, data):
+    if name.startswith('outer'):
+        {instead}
+    write(self, name, data)
+
+IndexDataCacheFile._save_data = without_outer
+import outer
+"""
+
+
+def ended(folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, 'instead.py'],
+        cwd=folder,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_a_process_killed_between_index_and_code_leaves_no_code_of_another_source(
+    folder: Path,
+) -> None:
+    (folder / 'instead.py').write_text(INSTEAD_OF_WRITING.format(instead='os._exit(9)'))
+    run(folder)
+    (folder / 'outer.py').write_text(OUTER.replace('inner(x)', '10.0 * inner(x)'))
+    assert ended(folder).returncode == 9
+    assert run(folder)[0] == 20.0
+
+
+def test_a_full_disk_does_not_end_the_program(folder: Path) -> None:
+    full = "raise OSError(28, 'No space left on device')"
+    (folder / 'instead.py').write_text(INSTEAD_OF_WRITING.format(instead=full))
+    assert ended(folder).stdout == '2.0 0\n'
+
+
 COMPILED = """
 from lip_id_ros.room import (
     constants,

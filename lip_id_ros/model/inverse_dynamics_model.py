@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 import json
 import os
@@ -102,6 +102,10 @@ class InverseDynamicsModel:
     def __repr__(self) -> str:
         joints = ', '.join(self.joint_names)
         return f'<{self.kernel} model of {joints}; {self.n_samples} training samples>'
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is copied: no working memory, so that each copy makes its own."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @property
     def n_joints(self) -> int:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
+import pickle
 from typing import Any
 
 from gp.processes import process_of
@@ -241,6 +243,20 @@ def test_a_query_keeps_its_answer() -> None:
     kept = first.tau.copy()
     predictor.query(q[1], dq[1], ddq[1])
     np.testing.assert_array_equal(first.tau, kept)
+
+
+@pytest.mark.parametrize('member', KERNELS)
+@pytest.mark.parametrize(
+    'copied', [copy.copy, copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))]
+)
+def test_copies_have_working_memory_of_their_own(member: str, copied: Any) -> None:
+    model = random_model(member)
+    first, second = np.stack(queries(model.n_joints, 2), axis=1)
+    expected = model.query(*second).tau
+    model.query(*first)
+    twin = copied(model)
+    np.testing.assert_array_equal(twin.query(*second).tau, expected)
+    assert twin._mean is not model._mean
 
 
 def test_no_queries_have_no_answers() -> None:
