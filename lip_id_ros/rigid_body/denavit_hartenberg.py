@@ -129,7 +129,7 @@ def table(chain: Chain) -> DenavitHartenberg:
     offset = (p[:, 1:] * r[:, 1:, 2]).sum(axis=1) / np.cos(tilt) ** 2
     return DenavitHartenberg(
         twist=np.arctan2(-r[:, 1, 2], r[:, 2, 2]),
-        length=p[:, 0] - offset * r[:, 0, 2],
+        length=p[:, 0],  # a tilted frame has no offset
         angle=np.arctan2(-r[:, 0, 1], r[:, 0, 0]),
         offset=offset,
         tilt=tilt,

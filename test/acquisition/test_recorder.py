@@ -357,8 +357,17 @@ def test_gaps_in_stamps_are_counted() -> None:
     recorder.recording = False
     add(60.0)
     recorder.recording = True
-    add(70.0, 70.01)  # nothing is missing while it was off
+    before = len(recorder)
+    add(70.0, 70.01, 70.02, 70.03)  # nothing is missing while it was off
+    assert len(recorder) == before + 4
     assert recorder.gaps.count == 2
+    recorder.recording = False
+    add(72.0)
+    recorder.recording = True
+    add(75.0, 75.01)
+    assert recorder.gaps.count == 2
+    add(79.0)
+    assert recorder.gaps.count == 3
     recorder.clear()
     add(*np.arange(80.0, 84.0, 0.2))  # a slow stream has no gaps
     assert recorder.gaps.count == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from preprocessing.motions import recording, uniform
@@ -158,6 +159,15 @@ def test_what_is_held_out_does_not_matter(tmp_path: Path) -> None:
     assert load_dataset(good, again).provenance['sources'][0]['recording'] == (
         reports[0]['recording'] | {'effort_delay_s': again.recording.effort_delay_s}
     )
+
+
+def test_other_recordings_get_all_that_was_selected() -> None:
+    preprocessing: dict[str, Any] = {'cutoff_hz': 3.0, 'derivative': 'central_differences'}
+    recording = {'effort_delay_s': [0.01, 0.0], 'effort_scale': [2.0, 2.0]}
+    source = {'preprocessing': preprocessing, 'recording': recording}
+    found = with_selected(Config(preprocessing=AUTOMATIC), {'sources': [source]})
+    assert found.preprocessing == replace(AUTOMATIC, **preprocessing)
+    assert found.recording == RecordingSettings(effort_delay_s=(0.01, 0.0))
 
 
 def test_the_first_share_is_one_of_time() -> None:
