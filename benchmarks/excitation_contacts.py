@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks._mujoco_arm import Arm, Cell, description, STEP_S
-from benchmarks.from_nothing import CELLS, motion_of
+from benchmarks.from_nothing import CELLS, motion_of, SEARCH, space_of
 from lip_id_ros.excitation.planning import design_motion
 from lip_id_ros.excitation.settings import ExcitationConfig, SearchSettings, SpaceSettings
 
@@ -44,9 +44,8 @@ def contacts(cell: Cell, seed: int) -> int:
 
 
 def _config(cell: Cell, arm: Arm, seed: int) -> ExcitationConfig:
-    wall = cell.wall, -9.0, -9.0, cell.wall + 0.1, 9.0, 9.0
     return ExcitationConfig(
         motion_of(cell, arm),
-        SpaceSettings(floor_m=cell.floor, boxes=wall, margin_m=0.05),
-        SearchSettings(draws=10, starts=1, steps=40, seed=seed),
+        SpaceSettings(**space_of(cell)),
+        SearchSettings(**SEARCH, seed=seed),
     )

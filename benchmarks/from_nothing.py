@@ -37,6 +37,7 @@ from lip_id_ros.simulation.arm import panda_urdf
 
 SECONDS, REACH, SHARE = 10.0, 1.0, 0.8
 TESTS, EVERY = 5, 10
+SEARCH: dict[str, Any] = {'draws': 10, 'starts': 1, 'steps': 40}
 LONGEST_S = 3000.0
 UR_JOINTS = (
     *('shoulder_pan_joint', 'shoulder_lift_joint', 'elbow_joint'),
@@ -105,6 +106,12 @@ def motion_of(cell: Cell, arm: Arm) -> MotionSettings:
     )  # fmt: skip
 
 
+def space_of(cell: Cell) -> dict[str, Any]:
+    """Return the settings of a space with the floor and the wall of a cell."""
+    wall = cell.wall, -9.0, -9.0, cell.wall + 0.1, 9.0, 9.0
+    return {'floor_m': cell.floor, 'margin_m': 0.05, 'boxes': wall}
+
+
 def _executed(
     cell: Cell, motion: MotionSettings, arm: Arm, folder: Path, options: argparse.Namespace
 ) -> dict[str, Any]:
@@ -138,12 +145,10 @@ def _yaml(cell: Cell, motion: MotionSettings) -> str:
         name: [x if isinstance(x, str) else float(x) for x in getattr(motion, name)]
         for name in names
     }
-    space = {'floor_m': cell.floor, 'margin_m': 0.05}
-    wall = [cell.wall, -9.0, -9.0, cell.wall + 0.1, 9.0, 9.0]
     return json.dumps({
         'motion': {**own, 'duration_s': motion.duration_s},
-        'space': {**space, 'boxes': wall},
-        'search': {'draws': 10, 'starts': 1, 'steps': 40},
+        'space': space_of(cell),
+        'search': SEARCH,
     })  # fmt: skip
 
 

@@ -127,9 +127,9 @@ import outer
 """
 
 
-def ended(folder: Path) -> subprocess.CompletedProcess[str]:
+def ended(folder: Path, program: str = 'instead.py') -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, 'instead.py'],
+        [sys.executable, program],
         cwd=folder,
         env=environment(),
         capture_output=True,
@@ -291,13 +291,6 @@ def test_functions_that_only_read_are_compiled_once_for_locked_arrays_too(tmp_pa
     """But anew for arrays with steps between."""
     (tmp_path / 'reading.py').write_text(READING)
     for _ in range(2):  # compiled, and from disk
-        ran = subprocess.run(
-            [sys.executable, 'reading.py'],
-            cwd=tmp_path,
-            env=environment(),
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        ran = ended(tmp_path, 'reading.py')
         assert ran.returncode == 0, ran.stderr
         assert ran.stdout.split() == [*['18.0'] * 5, '14.0', '42.0', '42.0', '2']

@@ -179,13 +179,14 @@ def design_motion(
         wanted_states(config, largest, posture) if targets is None else _states(targets, model)
     )
     criterion = next_criterion(config, learner, states)
-    described = None if chain is None else _as_learned(chain, model.arm.chain)
-    constraints = _constraints(config, described, limits, model, apart)
+    if chain is not None:
+        chain = chain._replace(couplings=model.arm.chain.couplings)
+    constraints = _constraints(config, chain, limits, model, apart)
     constraints.require_posture(posture)
     found = design(motions, criterion, config.search, progress, constraints)
     learning = Learning(model, states, found.motion, measurements(config))
     return ExcitingMotion(
-        names, types, limits, found, config.motion.rate_hz, described, config.space, learning
+        names, types, limits, found, config.motion.rate_hz, chain, config.space, learning
     )
 
 
@@ -195,11 +196,6 @@ def wanted_states(config: ExcitationConfig, limits: JointLimits, posture: Array)
     return usual_targets(
         config, LimitedMotions(limits, posture, motion.duration_s, motion.harmonics)
     )
-
-
-def _as_learned(described: Chain, learned: Chain) -> Chain:
-    """Return the chain of a URDF, with coupled positions as a model has them."""
-    return described._replace(couplings=learned.couplings)
 
 
 def _constraints(
