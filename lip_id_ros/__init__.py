@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         MotionSettings,
         SearchSettings,
         SpaceSettings,
+        TargetSettings,
     )
     from lip_id_ros.feedforward.interpolation import Plan
     from lip_id_ros.feedforward.plan_check import check_plan, PlanCheck
@@ -71,6 +72,7 @@ _HOMES = {
     'ShapeError': 'errors',
     'SourceError': 'errors',
     'SpaceSettings': 'excitation.settings',
+    'TargetSettings': 'excitation.settings',
     'WalkSettings': 'adaptation.followed',
     'check_plan': 'feedforward.plan_check',
     'design_motion': 'excitation.planning',
@@ -107,6 +109,7 @@ __all__ = [
     'ShapeError',
     'SourceError',
     'SpaceSettings',
+    'TargetSettings',
     'WalkSettings',
     '__version__',
     'check_plan',

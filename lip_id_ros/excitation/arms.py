@@ -247,6 +247,21 @@ class Learning:
         still = np.zeros_like(self.targets[0])
         return self._std(self.targets[0], still, still)
 
+    @property
+    def inertia_std(self) -> Array:
+        """The same of the inertias M_jj [kg m^2 or kg], torques of one unit of ddq alone."""
+        q, n = self.targets[0], self.targets[0].shape[1]
+        still, arms = np.zeros_like(q), (self.before.arm, self.after.arm)
+        out = np.empty((len(arms), n))
+        for which, arm in enumerate(arms):
+            assert arm is not None, 'a motion is designed for an arm'
+            at_rest = arm.jacobian_of_coordinates(q, still, still)
+            for j in range(n):
+                moved = arm.jacobian_of_coordinates(q, still, still + np.eye(n)[j])
+                spread = (moved - at_rest)[:, j] @ arm.covariance_root
+                out[which, j] = np.sqrt(np.mean(np.sum(spread**2, axis=1)))
+        return out
+
     def _std(self, q: Array, dq: Array, ddq: Array) -> Array:
         found = [model.torque_std(q, dq, ddq) for model in (self.before, self.after)]
         return np.sqrt(np.mean(np.square(found), axis=1))

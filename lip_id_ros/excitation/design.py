@@ -151,13 +151,13 @@ LEAST_SAMPLES, SAMPLES_PER_HARMONIC = 120, 24
 
 def first_criterion(
     config: ExcitationConfig,
-    motions: LimitedMotions,
+    wanted: LimitedMotions,
     limits: JointLimits,
     joint_types: Sequence[str],
 ) -> Criterion:
-    """Return the mean expected error over some arms that an unknown one may be."""
+    """Return the mean expected error, in wanted motions, over arms that an unknown one may be."""
     rng = _generator(config)
-    targets = _random_targets(motions, rng)
+    targets = _random_targets(wanted, rng)
     arms = [unknown_arm(limits, joint_types, targets, rng) for _ in range(ARMS)]
     return MeanCriterion(
         [ExpectedError(arm, targets, measurements(config), _samples(config)) for arm in arms]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.description.limits import joint_ranges, JointRanges
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.excitation.settings import MotionSettings
+from lip_id_ros.excitation.settings import MotionSettings, TargetSettings
 
 SECONDS_TO_FULL_VELOCITY = 0.25
 SECONDS_TO_FULL_ACCELERATION = 0.1
@@ -33,13 +33,15 @@ class JointLimits:
     acceleration: Array
     jerk: Array
     torque: Array | None = None
+    section: str = 'motion'  # of the settings that they are from
 
     def __post_init__(self) -> None:
         for name, low, high in zip(self.joint_names, self.lower, self.upper, strict=True):
             if not low < high:
                 raise ConfigError(
                     f'joint {name!r} needs a range of positions, but its lower limit is {low:g} '
-                    f'and its upper limit {high:g}; correct motion.lower and motion.upper.'
+                    f'and its upper limit {high:g}; correct {self.section}.lower and '
+                    f'{self.section}.upper.'
                 )
         for what in ('velocity', 'acceleration', 'jerk', 'torque'):
             values = getattr(self, what)
@@ -47,7 +49,8 @@ class JointLimits:
                 worst = int(np.argmin(values))
                 raise ConfigError(
                     f'the {what} of joint {self.joint_names[worst]!r} needs a limit above 0, but '
-                    f'it is {values[worst]:g}; correct it in the settings.'
+                    f'it is {values[worst]:g}; correct it in the settings, section '
+                    f'{self.section}.'
                 )
 
     @property
@@ -98,6 +101,21 @@ def limits_from(
     )
 
 
+def target_limits(settings: TargetSettings, limits: JointLimits) -> JointLimits:
+    """Return the box of states that torques are wanted in; without a jerk limit of its own."""
+    n = len(limits.joint_names)
+    acceleration = _given(settings, 'acceleration', n, limits.acceleration)
+    return replace(
+        limits,
+        lower=_given(settings, 'lower', n, limits.lower),
+        upper=_given(settings, 'upper', n, limits.upper),
+        velocity=_given(settings, 'velocity', n, limits.velocity),
+        acceleration=acceleration,
+        jerk=np.maximum(limits.jerk, acceleration / SECONDS_TO_FULL_ACCELERATION),
+        section='targets',
+    )
+
+
 def posture_from(settings: MotionSettings, limits: JointLimits) -> Array:
     """Return the posture of the settings, or the middle of the ranges, shape (n,)."""
     middle = 0.5 * (limits.lower + limits.upper)
@@ -115,17 +133,20 @@ def _of(ranges: JointRanges | None, field: str, n: int) -> Array:
     return np.full(n, np.nan) if ranges is None else np.array(getattr(ranges, field))
 
 
-def _given(settings: MotionSettings, field: str, n: int, otherwise: Array) -> Array:
+def _given(
+    settings: MotionSettings | TargetSettings, field: str, n: int, otherwise: Array
+) -> Array:
     values = getattr(settings, field)
+    section = 'motion' if isinstance(settings, MotionSettings) else 'targets'
     if len(values) not in (0, 1, n):
         raise ConfigError(
-            f'motion.{field} needs one number, or one for each of {n} joints, but has '
+            f'{section}.{field} needs one number, or one for each of {n} joints, but has '
             f'{len(values)}; correct it.'
         )
     found = np.broadcast_to(np.array(values), n).copy() if values else otherwise
     if np.isnan(found).any():
         raise ConfigError(
-            f'motion.{field} is needed, because no URDF has that limit of every joint; give it in '
-            'the settings, or give a URDF that has it.'
+            f'{section}.{field} is needed, because no URDF has that limit of every joint; give it '
+            'in the settings, or give a URDF that has it.'
         )
     return np.asarray(found, dtype=np.float64)

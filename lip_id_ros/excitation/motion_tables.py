@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from lip_id_ros.evaluation.tables import Table
 from lip_id_ros.excitation.planning import ExcitingMotion
-from lip_id_ros.export.friction_table import friction_table
+from lip_id_ros.export.friction_table import Coefficient, friction_table
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
+
+INERTIA_UNITS = 'kg m²', 'kg'
+"""Of revolute joints and of slides."""
 
 
 def motion_table(found: ExcitingMotion) -> Table:
@@ -32,20 +35,29 @@ def learning_tables(found: ExcitingMotion) -> list[Table]:
     """Return what was unknown before the motion and will be after it; nothing without a model."""
     if found.learning is None:
         return []
-    torque, gravity = found.learning.torque_std, found.learning.gravity_std
+    deviations = (
+        *found.learning.torque_std,
+        *found.learning.gravity_std,
+        *found.learning.inertia_std,
+    )
     rows = [
-        (f'{name} [{TORQUE_UNITS[kind]}]', *(f'{x:.3g}' for x in (*torque[:, j], *gravity[:, j])))
+        (f'{name} [{TORQUE_UNITS[kind]}]', *(f'{each[j]:.3g}' for each in deviations))
         for j, (name, kind) in enumerate(zip(found.joint_names, found.joint_types, strict=True))
     ]
-    header = ('', 'torque, before', 'after', 'gravity, before', 'after')
-    torques = Table('Standard deviations of torques where they are wanted', header, rows)
+    header = ('', 'torque, before', 'after', 'at rest, before', 'after', 'M, before', 'after')
+    title = 'Standard deviations where torques are wanted: of torques, and of the own inertia M_jj'
+    torques = Table(f'{title} [{" or ".join(INERTIA_UNITS)}]', header, rows)
     tables = (friction_table(model) for model in (found.learning.before, found.learning.after))
     terms = [
-        (old.joint, old.term, f'{old.value:.4g}', f'{old.std:.2g}', f'{new.std:.2g}', old.unit)
+        (old.joint, old.term, f'{old.value:.4g}', _deviation(old), _deviation(new), old.unit)
         for old, new in zip(*tables, strict=True)
     ]
     columns = ('', 'term', 'coefficient', 'deviation before', 'after', 'unit')
     return [torques, Table('Friction', columns, terms)]
+
+
+def _deviation(of: Coefficient) -> str:
+    return '' if of.std is None else f'{of.std:.2g}'
 
 
 def gain_lines(found: ExcitingMotion) -> list[str]:

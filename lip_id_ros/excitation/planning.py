@@ -23,10 +23,22 @@ from lip_id_ros.excitation.design import (
     usual_targets,
 )
 from lip_id_ros.excitation.expected_error import States
-from lip_id_ros.excitation.joint_limits import JointLimits, limits_from, posture_from
+from lip_id_ros.excitation.joint_limits import (
+    JointLimits,
+    limits_from,
+    posture_from,
+    target_limits,
+)
 from lip_id_ros.excitation.self_collision import SelfCollision
 from lip_id_ros.excitation.series import FourierMotion, LimitedMotions, peaks
-from lip_id_ros.excitation.settings import ExcitationConfig, MotionSettings, NONE, SpaceSettings
+from lip_id_ros.excitation.settings import (
+    AS_MOTION,
+    ExcitationConfig,
+    MotionSettings,
+    NONE,
+    SpaceSettings,
+    TargetSettings,
+)
 from lip_id_ros.excitation.space import is_limited, Space
 from lip_id_ros.excitation.trajectory_file import sampled, Trajectory, writer_for
 from lip_id_ros.joint_types import REVOLUTE
@@ -135,7 +147,7 @@ def design_motion(
         What is known of the arm already. Its torques stay within limits, where there are any.
     targets : Dataset, optional
         States at which torques will be wanted of the model; without it, those of random motions
-        within the limits.
+        in the box of `settings.targets`, which is that of the limits unless it is given.
     progress : callable
         Called with stage, steps done, and steps in all.
 
@@ -156,6 +168,11 @@ def design_motion(
 
     """
     config = config_of(settings)
+    if targets is not None and config.targets != TargetSettings():
+        raise ConfigError(
+            'targets are either a recording or the box of the section targets, but both are '
+            'given; leave one out.'
+        )
     description = None if urdf is None else urdf_text(urdf)
     if model is not None:
         config = of_model(config, model)
@@ -168,7 +185,7 @@ def design_motion(
     if model is None:
         constraints = _constraints(config, chain, limits, None, apart)
         constraints.require_posture(posture)
-        criterion = first_criterion(config, motions, limits, types)
+        criterion = first_criterion(config, wanted_motions(config, limits, posture), limits, types)
         found = design(motions, criterion, config.search, progress, constraints)
         return ExcitingMotion(
             names, types, limits, found, config.motion.rate_hz, chain, config.space
@@ -191,11 +208,19 @@ def design_motion(
 
 
 def wanted_states(config: ExcitationConfig, limits: JointLimits, posture: Array) -> States:
-    """Return states of random motions within the limits, for which torques will be wanted."""
-    motion = config.motion
-    return usual_targets(
-        config, LimitedMotions(limits, posture, motion.duration_s, motion.harmonics)
-    )
+    """Return states of random motions for which torques will be wanted."""
+    return usual_targets(config, wanted_motions(config, limits, posture))
+
+
+def wanted_motions(
+    config: ExcitationConfig, limits: JointLimits, posture: Array
+) -> LimitedMotions:
+    """Return motions in the box of the settings, or within the limits where they have none."""
+    box, rate = target_limits(config.targets, limits), config.targets.rate_hz
+    inside = (box.lower < posture) & (posture < box.upper)
+    start = np.where(inside, posture, 0.5 * (box.lower + box.upper))
+    period = config.motion.duration_s if rate == AS_MOTION else 1.0 / float(rate)
+    return LimitedMotions(box, start, period, config.motion.harmonics)
 
 
 def _constraints(

@@ -10,6 +10,7 @@ from lip_id_ros.signals.torque_steps import UNLIMITED
 
 ERROR, INFORMATION = 'error', 'information'
 NONE = 'none'
+AS_MOTION = 'motion'
 LARGEST = 1e6
 LONGEST_S = 3600.0
 
@@ -138,12 +139,32 @@ class SearchSettings(Settings):
 
 
 @dataclass(frozen=True)
+class TargetSettings(Settings):
+    """The box of states in which torques will be wanted; what is empty is as for the motion."""
+
+    lower: tuple[float, ...] = _per_joint('Lowest positions.', 'rad or m')
+    upper: tuple[float, ...] = _per_joint('Highest positions.', 'rad or m')
+    velocity: tuple[float, ...] = _per_joint('Largest velocities.', 'rad/s or m/s')
+    acceleration: tuple[float, ...] = _per_joint('Largest accelerations.', 'rad/s^2 or m/s^2')
+    rate_hz: float | str = setting(
+        AS_MOTION,
+        'Rate at which these motions repeat, the cycles of a task in a second; the word motion: '
+        'once in motion.duration_s.',
+        unit='Hz',
+        minimum=1.0 / LONGEST_S,
+        maximum=10.0,
+        choices=(AS_MOTION,),
+    )
+
+
+@dataclass(frozen=True)
 class ExcitationConfig:
     """All settings of the design of a motion."""
 
     motion: MotionSettings = field(default_factory=MotionSettings)
     space: SpaceSettings = field(default_factory=SpaceSettings)
     search: SearchSettings = field(default_factory=SearchSettings)
+    targets: TargetSettings = field(default_factory=TargetSettings)
 
 
 @dataclass(frozen=True)

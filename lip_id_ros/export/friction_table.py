@@ -47,17 +47,23 @@ COEFFICIENTS: Mapping[type, tuple[tuple[str, str], ...]] = {
 
 
 class Coefficient(NamedTuple):
-    """One coefficient of the friction of a joint, with its standard deviation."""
+    """
+    One coefficient of the friction of a joint, with its standard deviation.
+
+    None where the covariance of the model leaves it out: that of Dahl's friction, whose whole
+    force counts as unknown near rest.
+    """
 
     joint: str
     term: str
     value: float
-    std: float
+    std: float | None
     unit: str
 
     def cells(self) -> tuple[str, ...]:
         """Return it as text, for `HEADER`."""
-        return self.joint, self.term, f'{self.value:.4g} ± {self.std:.2g}', self.unit
+        deviation = '' if self.std is None else f' ± {self.std:.2g}'
+        return self.joint, self.term, f'{self.value:.4g}{deviation}', self.unit
 
 
 def friction_table(model: InverseDynamicsModel) -> tuple[Coefficient, ...]:
@@ -70,7 +76,7 @@ def friction_table(model: InverseDynamicsModel) -> tuple[Coefficient, ...]:
     std = np.linalg.norm(arm.covariance_root[first : first + basis.size], axis=1)
     names = labels(basis, model.joint_names, model.joint_types)
     found = (
-        Coefficient(joint, term, value, deviation, unit)
+        Coefficient(joint, term, value, deviation or None, unit)
         for (joint, term, unit), value, deviation in zip(
             names, arm.friction.coefficients.tolist(), std.tolist(), strict=True
         )

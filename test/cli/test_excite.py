@@ -88,7 +88,7 @@ def test_after_a_model_it_shows_what_was_unknown_and_will_be(files: Path, capsys
     begin = ('excite', '--urdf', 'arm.urdf', '--config', 'excite.yaml')
     lip_id(*begin, '--after', 'arm.npz', '-o', 'next.csv', '--report', 'page')
     shown = capsys.readouterr().out
-    assert 'Standard deviations of torques where they are wanted' in shown
+    assert 'Standard deviations where torques are wanted' in shown
     assert 'slide [N]' in shown
     assert 'deviation before' in shown
     assert 'Coulomb' in shown

@@ -24,8 +24,9 @@ from lip_id_ros.excitation.constraints import (
     shrunk,
     TorqueLimits,
 )
-from lip_id_ros.excitation.expected_error import ExpectedError, Information
+from lip_id_ros.excitation.expected_error import ExpectedError, Information, States
 from lip_id_ros.excitation.joint_limits import JointLimits
+from lip_id_ros.excitation.planning import wanted_motions
 from lip_id_ros.excitation.series import FourierMotion, LimitedMotions
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
@@ -289,3 +290,73 @@ def test_a_posture_that_the_model_cannot_hold_is_refused() -> None:
     limits, posture = limits_and_posture(1.0)
     with pytest.raises(ConfigError, match='at the posture by the model, more than its limit'):
         next_size(uncertain(100.0), limits, posture, 0.3)
+
+
+BOX = lip.TargetSettings(
+    lower=(-0.5,), upper=(0.4,), velocity=(0.2,), acceleration=(0.3,), rate_hz=0.1
+)
+
+
+def test_torques_are_wanted_in_the_box_of_the_settings() -> None:
+    motion = lip.design_motion(replace(QUICK, targets=BOX), ARM, model())
+    assert motion.learning is not None
+    q, dq, ddq = motion.learning.targets
+    assert q.min() >= -0.5
+    assert q.max() <= 0.4
+    assert 0.1 < np.abs(dq).max() <= 0.2
+    assert np.abs(ddq).max() <= 0.3
+    # a box of slow motions is learned more surely from a motion that is designed for it
+    expected = [
+        np.mean(np.log(shares_after(each, motion.learning.targets))) for each in (motion, found())
+    ]
+    assert expected[0] < expected[1]
+
+
+def shares_after(motion: lip.ExcitingMotion, targets: States) -> Array:
+    arm = model().arm
+    assert arm is not None
+    error = ExpectedError(KnownArm(arm), targets, 400.0, 300)
+    return error.shares(*motion.motion.sample(np.linspace(0.0, 4.0, 300, endpoint=False)))
+
+
+def test_wanted_motions_repeat_at_their_rate() -> None:
+    limits = found().limits
+    posture = 0.5 * (limits.lower + limits.upper)
+    for rate, period in ((0.1, 10.0), ('motion', 4.0)):
+        config = replace(QUICK, targets=replace(BOX, rate_hz=rate))
+        wanted = wanted_motions(config, limits, posture)
+        assert wanted.motion(np.ones(wanted.shape)).duration == pytest.approx(period)
+
+
+def test_a_box_that_is_none_names_its_section() -> None:
+    targets = replace(BOX, lower=(0.4,))
+    with pytest.raises(ConfigError, match=r'correct targets\.lower and targets\.upper'):
+        lip.design_motion(replace(QUICK, targets=targets), ARM, model())
+
+
+def test_a_box_beside_a_recording_is_refused() -> None:
+    q, dq, ddq, tau = np.zeros((4, 5, 3))
+    still = lip.Dataset.from_arrays(q, dq, ddq, tau, joint_names=NAMES, joint_types=TYPES)
+    with pytest.raises(ConfigError, match='both are given; leave one out'):
+        lip.design_motion(replace(QUICK, targets=BOX), ARM, model(), still)
+
+
+def test_inertias_are_as_sure_as_samples_of_the_arm_are() -> None:
+    learning = found().learning
+    assert learning is not None
+    q, rng = learning.targets[0], np.random.default_rng(0)
+    still = np.zeros_like(q)
+    for row, known in enumerate((learning.before, learning.after)):
+        arm = known.arm
+        assert arm is not None
+        draws = []
+        for _ in range(400):
+            by = arm.covariance_root @ rng.standard_normal(arm.covariance_root.shape[1])
+            inertia = [
+                (arm.jacobian_of_coordinates(q, still, still + unit) - rest) @ by
+                for unit in np.eye(3)
+                for rest in [arm.jacobian_of_coordinates(q, still, still)]
+            ]
+            draws.append([inertia[j][:, j] for j in range(3)])
+        sampled = np.sqrt(np.mean(np.square(draws), axis=(0, 2)))
+        np.testing.assert_allclose(learning.inertia_std[row], sampled, rtol=0.15)

@@ -51,9 +51,18 @@ def test_values_and_deviations_are_those_of_the_posterior() -> None:
         [np.arange(friction.basis.size)[friction.basis.slices[k]] for k in order]
     )
     np.testing.assert_array_equal([each.value for each in table], friction.coefficients[rows])
-    np.testing.assert_allclose([each.std for each in table], std[rows])
+    assert [each.std for each in table] == pytest.approx(std[rows])
     joints = [model.joint_names.index(each.joint) for each in table]
     assert joints == sorted(joints)
+
+
+def test_a_coefficient_that_the_covariance_leaves_out_has_no_deviation() -> None:
+    model = model_of(random_arm('RRR'))
+    assert model.arm is not None
+    root = np.zeros((3 * 17 + model.arm.friction.basis.size, 1))
+    for each in friction_table(replace(model, arm=replace(model.arm, covariance_root=root))):
+        assert each.std is None
+        assert each.cells()[2] == f'{each.value:.4g}'
 
 
 def owner(part: DriveTerm) -> int:
