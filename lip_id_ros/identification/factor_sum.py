@@ -43,9 +43,9 @@ class Metric:
 
     @classmethod
     def of(cls, factor: Array, count: int) -> Metric | None:
-        """Return the metric of the factor (s, s) of so many rows; None if it is not finite."""
+        """Return the metric of the factor (s, s) of so many rows; None if infinite or zero."""
         size = np.sqrt(np.einsum('ij,ij->j', factor, factor))
-        if not np.isfinite(size).all():
+        if not (np.isfinite(size).all() and size.any()):
             return None
         own, whole = _independent(factor, size)
         others = np.setdiff1d(np.arange(size.size), own)

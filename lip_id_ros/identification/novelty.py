@@ -20,6 +20,12 @@ MOST_CONSIDERED, MOST_KEPT = 3000, 600
 TOLERANCE = 0.1
 """Distance of a training state to the nearest that is kept, in those of left-out ones."""
 
+LEAST_SHARE = 0.01
+"""
+Least deviation of a position or rate, as a share of its largest value: states are kept to a
+thousandth of theirs, and the deviation of a slide that rests is rounding.
+"""
+
 LEAST_DISTANCE = 1e-6
 """Of left-out states, where all states are one."""
 
@@ -52,7 +58,8 @@ def _scale(dataset: Dataset) -> Array:
 
     At least a share of the largest of joints of the same type: what hardly moves is noise.
     """
-    scale = np.stack([dataset.q, dataset.dq, dataset.ddq]).std(axis=1)
+    states = np.stack([dataset.q, dataset.dq, dataset.ddq])
+    scale = np.maximum(states.std(axis=1), LEAST_SHARE * np.abs(states).max(axis=1))
     for alike in (dataset.prismatic, ~dataset.prismatic):
         largest = scale[:, alike].max(axis=1, keepdims=True, initial=0.0)
         scale[:, alike] = np.maximum(scale[:, alike], STILL * largest)

@@ -221,14 +221,15 @@ def measure_left_out(
     """
     grams = np.array([[r.T @ r for r in block.factors] for block in blocks])
     count, whole = np.sum([block.counts for block in blocks], axis=0), grams.sum(axis=0)
-    inside = _shares(whole, prior, noise_std, whole)[1] / count
-    inflation = score_inflation(grams, prior, noise_std, float(inside.mean()))
+    parameters, covariance = solved(whole, prior, noise_std)
+    inside = _shares(covariance, noise_std, whole) / count
+    inflation = score_inflation(grams, parameters, covariance, noise_std, float(inside.mean()))
     white = noise_std / np.sqrt(_freedom(inside))
     squares, outside = np.zeros((len(blocks), noise_std.size)), np.zeros(noise_std.size)
     for k, block in enumerate(blocks):
-        step, share = _shares(whole - grams[k], prior, white, grams[k])
+        step, without = solved(whole - grams[k], prior, white)
         squares[k] = block.squared_residuals(step)
-        outside += share / count
+        outside += _shares(without, white, grams[k]) / count
     # correlated noise takes as many times more degrees of freedom
     variance = noise_std**2 / _freedom(inflation * inside)
     left_over = squares.sum(axis=0) / count - inflation * outside * variance
@@ -236,15 +237,17 @@ def measure_left_out(
     return LeftOut(len(blocks) * squares / count, inflation, left_std, np.sqrt(variance))
 
 
-def score_inflation(grams: Array, prior: Array, noise_std: Array, inside: float) -> float:
+def score_inflation(
+    grams: Array, parameters: Array, covariance: Array, noise_std: Array, inside: float
+) -> float:
     """
     Return how many times the scores of blocks vary more than white noise makes them, at least 1.
 
-    Gram matrices (K, n, m, m) of blocks; `inside` is the share of the noise's variance that
-    parameters take. Scores are slopes of the log likelihood by parameters, measured in their
-    covariance (Liang and Zeger, Biometrika 1986; White, Econometrica 1982).
+    Gram matrices (K, n, m, m) of blocks, and what `solved` gives for their sum; `inside` is the
+    share of the noise's variance that parameters take. Scores are slopes of the log likelihood by
+    parameters, measured in their covariance (Liang and Zeger, Biometrika 1986; White,
+    Econometrica 1982).
     """
-    parameters, covariance = solved(grams.sum(axis=0), prior, noise_std)
     blocks = np.tensordot(grams, noise_std**-2.0, axes=(1, 0))
     scores = blocks[:, :-1, -1] - blocks[:, :-1, :-1] @ parameters
     shares = covariance @ blocks[:, :-1, :-1]
@@ -263,17 +266,14 @@ def solved(grams: Array, prior: Array, noise_std: Array) -> tuple[Array, Array]:
     return factor.solve(normal[:-1, -1]), factor.inverse()
 
 
-def _shares(fitted: Array, prior: Array, noise_std: Array, shown: Array) -> tuple[Array, Array]:
+def _shares(covariance: Array, noise_std: Array, shown: Array) -> Array:
     """
-    Return the parameters of a fit, and sums of variances of torques by their covariance, (n,).
+    Return sums of variances of torques by a covariance, in units of the noise's variance, (n,).
 
-    `fitted`, `shown`: Gram matrices of the samples of the fit, and of those of the torques. Sums
-    are in units of the noise's variance.
+    `shown`: Gram matrices of the samples of the torques.
 
     """
-    parameters, covariance = solved(fitted, prior, noise_std)
-    sums = np.einsum('iab,ab->i', shown[:, :-1, :-1], covariance)
-    return parameters, sums / noise_std**2
+    return np.asarray(np.einsum('iab,ab->i', shown[:, :-1, :-1], covariance) / noise_std**2)
 
 
 def _freedom(share: Array) -> Array:

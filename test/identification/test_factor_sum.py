@@ -173,6 +173,15 @@ def test_values_that_are_not_finite_are_not_lost(bad: float, first: int) -> None
     assert not np.isfinite(added(np.array_split(rows, 10)).factor()).all()
 
 
+def test_rows_that_begin_with_zeros_end_no_library_call(capfd: pytest.CaptureFixture[str]) -> None:
+    """BLAS prints where a matrix has no columns."""
+    rows = np.random.default_rng(0).standard_normal((2000, SIZE))
+    rows[:1000] = 0.0
+    parts = np.array_split(rows, 20)
+    assert_same(added(parts).factor(), by_rotations(parts), 1e-12)
+    assert capfd.readouterr() == ('', '')
+
+
 def test_it_goes_on_after_a_factor_was_taken() -> None:
     parts = np.array_split(np.random.default_rng(0).standard_normal((600, SIZE)), 6)
     found = added(parts[:4])

@@ -147,6 +147,21 @@ def test_a_joint_that_hardly_moves_is_as_far_as_one_of_its_kind() -> None:
     assert np.all(slide.scale.reshape(3, JOINTS)[:, 2] < 1e-4)
 
 
+@pytest.mark.parametrize('wobble', [0.0, 1e-16, 1e-6, 1e-4])
+def test_a_slide_that_rests_away_from_zero(wobble: float) -> None:
+    """Its deviation is rounding, or noise; whole positions in units of that are lost in a file."""
+    data = moved(40.0, period_s=5.0)
+    moves = np.array([1.0, 1.0, 0.0])
+    states: Any = {name: getattr(data, name) * moves for name in ('q', 'dq', 'ddq')}
+    noise = wobble * np.random.default_rng(0).standard_normal(data.n_samples)
+    states['q'][:, 2] = 0.3 + noise
+    rested = replace(data, **states, joint_types=(REVOLUTE, REVOLUTE, PRISMATIC))
+    known = known_states(rested)
+    assert novelty(known, rested).max() < 0.5
+    there = replace(rested, q=rested.q + [0.0, 0.0, 0.1])
+    assert novelty(known, there).min() > 5.0
+
+
 def test_an_arm_that_stands_has_a_novelty_too() -> None:
     still = np.zeros((50, 2))
     data = Dataset.from_arrays(still, still, still, still, t=np.arange(50) / RATE_HZ)

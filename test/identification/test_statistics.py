@@ -18,6 +18,7 @@ from lip_id_ros.identification.statistics import (
     measure_left_out,
     posterior,
     score_inflation,
+    solved,
     TorqueStatistics,
 )
 
@@ -167,7 +168,8 @@ def test_scores_of_blocks_by_their_definition() -> None:
     prior = np.column_stack([np.diag(1.0 / PRIOR), np.zeros(9)])
     ratio = found / expected
     assert ratio > 1.5
-    got = score_inflation(grams, prior, NOISE, inside=0.1)
+    fit = solved(grams.sum(axis=0), prior, NOISE)
+    got = score_inflation(grams, *fit, NOISE, inside=0.1)
     assert got == pytest.approx(ratio / (1.0 + 0.1 * ratio), rel=1e-9)
     inside = np.trace(matrix @ covariance @ matrix.T) / 360
     blocks = [
