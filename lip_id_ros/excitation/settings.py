@@ -173,7 +173,26 @@ class RoundSettings(Settings):
 
     controller_action: str = setting(
         '',
-        'Action FollowJointTrajectory of the controller that moves the arm; must be given.',
+        'Action FollowJointTrajectory of the controller that moves the arm; must be given, unless '
+        'stream_rate_hz is.',
+        applies=AT_START,
+    )
+    stream_rate_hz: float | str = setting(
+        NONE,
+        'Rate at which positions are published on ~/commands and states on ~/reference, in place '
+        'of the action; the word none for the action.',
+        unit='Hz',
+        minimum=10.0,
+        maximum=1000.0,
+        choices=(NONE,),
+        applies=AT_START,
+    )
+    stop_s: float = setting(
+        0.25,
+        'Time in which a published motion comes to rest along its path where it is stopped.',
+        unit='s',
+        minimum=0.01,
+        maximum=5.0,
         applies=AT_START,
     )
     trainer: str = setting(

@@ -1,4 +1,4 @@
-"""Node `excite`: designs motions, has a controller execute them, and has `train` learn of each."""
+"""Node `excite`: designs motions, has them executed, and has `train` learn of each."""
 
 from __future__ import annotations
 
@@ -10,24 +10,21 @@ import sys
 import time
 from typing import Any
 
-from action_msgs.msg import GoalStatus
-from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
-from rclpy.action import ActionClient
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
-from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.acquisition.job import Jobs, Task
 from lip_id_ros.errors import ConfigError, LipIdError
 from lip_id_ros.excitation.rounds import MotionRequest, MotionWatch, NextMotion, numbered
-from lip_id_ros.excitation.settings import RoundSettings
+from lip_id_ros.excitation.settings import NONE, RoundSettings
 from lip_id_ros.nodes import messages, qos, running
 from lip_id_ros.nodes.description import Description
-from lip_id_ros.nodes.goals import action_type
+from lip_id_ros.nodes.motion_goal import HaltError, LONGEST_ANSWER_S, MotionGoal
+from lip_id_ros.nodes.motion_stream import MotionStream
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.running import outcome
 from lip_id_ros.settings import parameters_of
@@ -36,12 +33,6 @@ from lip_id_ros.signals.status import Level, Status
 from lip_id_ros.signals.torque_steps import limits_in_numbers
 
 TICK_S = 0.02
-
-LONGEST_ANSWER_S = 5.0
-"""The controller and `train` answer sooner, and `train` has diagnostics more often."""
-
-LATE_S = 0.01
-"""A joint state is heard within this time."""
 
 LEAST_SETTLED_S = 0.5
 """Recorded after each motion, so that `train` has its end."""
@@ -59,10 +50,6 @@ class Stage(StrEnum):
     STOPPED = 'stopped'
 
 
-class HaltError(LipIdError):
-    """Why the motions do not go on."""
-
-
 class ExciteNode(NodeBase):
     """Motions, one after the other; ConfigError if a parameter is missing or wrong."""
 
@@ -77,11 +64,8 @@ class ExciteNode(NodeBase):
         self._heard_of: dict[str, float] = {}
         self._heard_at = -np.inf
         self._watch: MotionWatch | None = None
-        self._goal: Any = None
-        self._doubt, self._uncancelled_after = '', np.inf
         self._pending: Future | None = None
         self._names: tuple[str, ...] = ()
-        self._sent_at, self._accepted_at = 0.0, np.inf
         self._job: Mapping[str, Any] = {}
         self._heard_of_job: Future | None = None
         self._limit = np.inf, ''
@@ -90,9 +74,7 @@ class ExciteNode(NodeBase):
         self._settled_at: float | None = None
         self._jobs = Jobs()
         self._description = Description(self) if settings.use_robot_description else None
-        self._kind = action_type()
-        self._action = self.resolve_service_name(settings.controller_action)
-        self._controller = ActionClient(self, self._kind, self._action)
+        self._mover = self._mover_of(settings)
         self._record = self.create_client(SetBool, f'{settings.trainer}/record')
         self._fit = self.create_client(Trigger, f'{settings.trainer}/fit')
         self._end_disturbed = self.create_client(Trigger, f'{settings.trainer}/end_disturbed')
@@ -112,8 +94,9 @@ class ExciteNode(NodeBase):
         self.create_steady_timer(TICK_S, self._on_tick)
 
     def stop(self) -> None:
-        """Have the controller cancel the motion, and end the design that is running."""
+        """End the motion and the design that are running."""
         self._halt('the node ends')
+        self._mover.stop()
         self._jobs.stop()
 
     def status(self) -> Status:
@@ -127,7 +110,7 @@ class ExciteNode(NodeBase):
             'deviation_percent': [list(each) for each in self._deviations],
             'design': {'stage': self._jobs.state.stage, 'done': self._jobs.state.done},
         }
-        return Status(level, f'{self._stage}: {self._sentence}{self._doubt}', values)
+        return Status(level, f'{self._stage}: {self._sentence}{self._mover.doubt}', values)
 
     # the motions
 
@@ -200,14 +183,8 @@ class ExciteNode(NodeBase):
         names = motion.trajectory.joint_names
         watch = self._watched(motion)
         self._require_posture(watch.posture, names)
-        if not self._controller.server_is_ready():
-            raise HaltError(f'no controller offers {self._action}; activate it')
-        controllers = self.count_services(f'{self._action}/_action/send_goal')
-        if controllers > 1:
-            raise HaltError(
-                f'{controllers} controllers offer {self._action}, and each would execute the '
-                'motion; end all but one'
-            )
+        if (missing := self._mover.missing()) is not None:
+            raise HaltError(missing)
         await self._asked(self._record, SetBool.Request(data=True))
         self._trainer_heard_at = time.monotonic()
         try:
@@ -217,30 +194,16 @@ class ExciteNode(NodeBase):
             self._end_disturbed.call_async(Trigger.Request())
             raise
         finally:
-            self._watch, self._goal, self._trainer_heard_at = None, None, np.inf
+            self._watch, self._trainer_heard_at = None, np.inf
             self._record.call_async(SetBool.Request(data=False))
 
     async def _executed(self, motion: NextMotion, watch: MotionWatch) -> None:
         self._enter(Stage.MOVE, f'motion {self._round} of {self._settings.rounds}')
-        goal = self._kind.Goal(trajectory=_message(motion))
         self._names = motion.trajectory.joint_names
-        self._sent_at, self._accepted_at = self._now_s(), np.inf
         self._heard_at = time.monotonic()
         self._watch = watch  # the arm may move before the answer comes
-        sent = self._controller.send_goal_async(goal)
-        try:
-            handle = await self._until(sent, LONGEST_ANSWER_S, self._action)
-        except HaltError:
-            sent.add_done_callback(self._on_late_answer)
-            raise
-        if not handle.accepted:
-            raise HaltError(f'the controller of {self._action} has rejected the motion')
-        self._goal, self._accepted_at = handle, self._now_s()
-        answer = await self._until(handle.get_result_async())
+        await self._mover.execute(motion.trajectory, self._until)
         self._watch = None
-        if answer.status != GoalStatus.STATUS_SUCCEEDED:
-            why = answer.result.error_string or f'error code {answer.result.error_code}'
-            raise HaltError(f'the controller has ended the motion: {why}')
 
     async def _settled(self) -> None:
         """Wait for the last joint states of the motion."""
@@ -285,34 +248,11 @@ class ExciteNode(NodeBase):
             task.cancel()
 
     def _halt(self, reason: str) -> None:
-        """Cancel the motion that runs, and end what is awaited."""
-        if self._goal is not None:
-            self._cancel(self._goal)
+        """Halt the motion that runs, and end what is awaited."""
+        self._mover.halt()
         self._watch = None
         if self._pending is not None and not self._pending.done():
             self._pending.set_exception(HaltError(reason))
-
-    def _cancel(self, handle: Any) -> None:
-        self._uncancelled_after = time.monotonic() + LONGEST_ANSWER_S
-        handle.cancel_goal_async().add_done_callback(self._on_cancelled)
-
-    def _on_cancelled(self, answer: Future) -> None:
-        self._uncancelled_after = np.inf
-        if answer.exception() is None:
-            response = answer.result()  # rclpy's servers refuse without an error code
-            ended = response.return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED
-            if ended or response.goals_canceling:
-                return
-        self._tell_doubt('has refused to cancel the motion')
-
-    def _on_late_answer(self, sent: Future) -> None:
-        if sent.exception() is None and sent.result().accepted:
-            self._cancel(sent.result())
-
-    def _tell_doubt(self, why: str) -> None:
-        self._doubt = f'; the controller of {self._action} {why}: stop the arm by other means'
-        self.get_logger().error(self._doubt.removeprefix('; '))
-        self.publish_status()
 
     def _go_on(self) -> None:
         if self._pending is not None and not self._pending.done():
@@ -320,9 +260,7 @@ class ExciteNode(NodeBase):
 
     def _on_tick(self) -> None:
         now = time.monotonic()
-        if now > self._uncancelled_after:
-            self._uncancelled_after = np.inf
-            self._tell_doubt(f'has not said in {LONGEST_ANSWER_S:g} s whether it ends the motion')
+        lost = self._mover.watch(moving=self._watch is not None)
         if self._pending is not None and now > self._limit[0]:
             self._halt(f'{self._limit[1]} has not answered in {LONGEST_ANSWER_S:g} s')
         if self._settled_at is not None and now > self._settled_at:
@@ -334,8 +272,8 @@ class ExciteNode(NodeBase):
             return
         if now - self._heard_at > self._settings.stale_timeout_s:
             self._halt(f'no joint state for {now - self._heard_at:.3g} s')
-        elif not self._controller.server_is_ready():
-            self._halt(f'the controller of {self._action} has ended')
+        elif lost is not None:
+            self._halt(lost)
 
     def _on_joint_state(self, message: JointState) -> None:
         if len(message.position) != len(message.name):
@@ -349,10 +287,7 @@ class ExciteNode(NodeBase):
         q = [message.position[k] for k in column]
         has_effort = len(message.effort) == len(message.name)
         effort = [message.effort[k] for k in column] if has_effort else []
-        # the controller has begun between the goal and its answer, and joint states are late
-        now = self._now_s()
-        since_start = max(0.0, now - self._accepted_at - LATE_S), now - self._sent_at
-        reason = self._watch.reason_to_stop(since_start, q, effort)
+        reason = self._watch.reason_to_stop(self._mover.since_start(), q, effort)
         if reason is not None:
             self._halt(reason)
 
@@ -376,7 +311,7 @@ class ExciteNode(NodeBase):
             return _answer(response, False, f'the node is {self._stage}; call ~/stop first')
         if not self._positions:
             return _answer(response, False, 'no joint state has come; start the driver')
-        self._doubt, self._uncancelled_after = '', np.inf
+        self._mover.forget()
         self._enter(Stage.DESIGN, 'the first motion')
         self.executor.create_task(self._run())
         return _answer(response, True, 'designing the first motion; ~/status shows how it goes')
@@ -396,6 +331,12 @@ class ExciteNode(NodeBase):
         with suppress(LipIdError):
             self._jobs.cancel()
         return _answer(response, True, 'stopping; ~/status shows how it ends')
+
+    def _mover_of(self, settings: RoundSettings) -> MotionGoal | MotionStream:
+        if settings.stream_rate_hz == NONE:
+            return MotionGoal(self, settings.controller_action, self.publish_status)
+        rate = float(settings.stream_rate_hz)
+        return MotionStream(self, rate, settings.stop_s, self._positions)
 
     def _watched(self, motion: NextMotion) -> MotionWatch:
         names, settings = motion.trajectory.joint_names, self._settings
@@ -422,15 +363,12 @@ class ExciteNode(NodeBase):
                     f'is {away:.3g} away; move the arm there'
                 )
 
-    def _now_s(self) -> float:
-        return 1e-9 * float(self.get_clock().now().nanoseconds)
-
 
 def _require(settings: RoundSettings) -> None:
-    if not settings.controller_action:
+    if bool(settings.controller_action) == (settings.stream_rate_hz != NONE):
         raise ConfigError(
-            'controller_action must be the action FollowJointTrajectory of the controller, but is '
-            'empty; give it.'
+            'either controller_action must be the action FollowJointTrajectory of the controller, '
+            'or stream_rate_hz the rate of states that are published instead; give one of them.'
         )
     if settings.effort_limits == ():
         raise ConfigError('effort_limits must be given: numbers, or the word none for no limits.')
@@ -450,11 +388,6 @@ async def _passing(awaited: Any, pending: Future) -> None:
         return
     if not pending.done():
         pending.set_result(result)
-
-
-def _message(motion: NextMotion) -> JointTrajectory:
-    names, t, *states = motion.trajectory
-    return messages.plan_message(names, t, *states)
 
 
 def _answer(response: Any, success: bool, text: str) -> Any:

@@ -16,6 +16,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.nodes import messages, qos
@@ -31,13 +32,15 @@ class MovedArm(Node):
     """
     It follows plans exactly; beyond `blocked_at` [rad] its first joint does not move.
 
-    Where it `ignores_cancels` it goes on all the same.
+    Where it `ignores_cancels` it goes on all the same. With a topic `reference` it follows that.
     """
 
     def __init__(self) -> None:
         super().__init__('moved_arm')
         self._blocked_at = self.declare_parameter('blocked_at', np.inf).value
         self._ignores_cancels = self.declare_parameter('ignores_cancels', False).value
+        if topic := self.declare_parameter('reference', '').value:
+            self.create_subscription(JointTrajectory, topic, self._follow, qos.REFERENCE)
         self._arm, self._rng = random_arm((R, R), seed=3), np.random.default_rng(0)
         self._lock = threading.Lock()
         self._plan: tuple[Array, Array] | None = None  # times, states
@@ -70,6 +73,13 @@ class MovedArm(Node):
         self._end()
         handle.succeed()
         return FollowJointTrajectory.Result()
+
+    def _follow(self, message: JointTrajectory) -> None:
+        (point,), names = message.points, list(message.joint_names)
+        order = [names.index(joint) for joint in JOINTS]
+        row = np.array([[point.positions, point.velocities, point.accelerations]])[:, :, order]
+        with self._lock:
+            self._plan, self._begun = (np.zeros(1), row), 0.0
 
     def _cancel(self, handle: Any) -> CancelResponse:
         if self._ignores_cancels:

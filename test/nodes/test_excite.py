@@ -15,6 +15,8 @@ pytest.importorskip('control_msgs', reason='needs control_msgs')
 
 from nodes.moved_arm import ACTION, JOINTS
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.nodes import qos
@@ -262,10 +264,85 @@ def test_a_killed_arm_ends_in_a_sentence(ros: Ros, tmp_path: Path) -> None:
     assert kept['rows'] > 0
 
 
+REFERENCE, COMMANDS = '/excite/reference', '/excite/commands'
+STREAM: dict[str, Any] = {'controller_action': '', 'stream_rate_hz': 100.0, 'rounds': 1}
+
+
+def streaming(ros: Ros, folder: Path, arm: tuple[str, ...] = (), **parameters: Any) -> Process:
+    """Start an arm that follows published states; return it."""
+    follows = ('-p', f'reference:={REFERENCE}', *arm)
+    moved = started(ros, folder, follows, **STREAM | parameters)
+    ros[1].listen(JointTrajectory, REFERENCE, qos.REFERENCE)
+    ros[1].listen(Float64MultiArray, COMMANDS, qos.REFERENCE)
+    return moved
+
+
+def published(client: Client) -> np.ndarray:
+    """Return the published q, dq and ddq, shape (N, 3, 2)."""
+    points = [each.points[0] for each in client.received[REFERENCE]]
+    return np.array([[p.positions, p.velocities, p.accelerations] for p in points])
+
+
+def assert_ends_in_a_ramp(client: Client) -> None:
+    """Check that the last quarter of a second slows down, along the path, to rest."""
+    states = published(client)
+    speed = np.linalg.norm(states[:, 1], axis=1)
+    assert speed[-1] == 0.0
+    assert speed[-15] > 0.0
+    assert np.abs(np.diff(states[:, 0], axis=0)).max() < 0.1  # no jump
+    assert np.abs(states[-1, 0]).max() > 1e-3  # on its way, not at its end
+
+
+@pytest.mark.slow
+def test_a_stream_teaches_too(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    streaming(ros, tmp_path)
+    begin(client)
+    ended = client.status('excite', lambda status: status['stage'] in ('done', 'stopped'))
+    assert ended['stage'] == 'done', ended
+    model = InverseDynamicsModel.load(ended['model_path'])
+    assert max(model.summary['unexplained_percent']) < 5.0
+    commands = np.array([each.data for each in client.received[COMMANDS]])
+    np.testing.assert_array_equal(commands, published(client)[:, 0])
+
+
+def test_a_stream_ends_in_a_ramp_where_a_joint_is_blocked(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    blocked = ('-p', 'blocked_at:=0.1')
+    streaming(ros, tmp_path, blocked, first_size=1.0, tracking_tolerance=[0.2])
+    begin(client)
+    ended = client.status('excite', lambda status: status['stage'] == 'stopped')
+    assert 'away from its plan' in ended['summary']
+    client.wait_until(lambda: not published(client)[-1, 1].any(), 'the end of the ramp')
+    assert_ends_in_a_ramp(client)
+    client.status('train', lambda status: status['disturbed'] == 1)
+
+
+def test_a_stream_ends_in_a_ramp_where_the_node_ends(ros: Ros, tmp_path: Path) -> None:
+    graph, client = ros
+    streaming(ros, tmp_path)
+    begin_to_move(client)
+    assert graph.processes[-1].end(signal.SIGTERM) == 0
+    client.wait_until(lambda: not published(client)[-1, 1].any(), 'the end of the ramp')
+    assert_ends_in_a_ramp(client)
+
+
+def test_a_stream_that_nobody_takes_does_not_begin(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    started(ros, tmp_path, **STREAM)
+    begin(client)
+    ended = client.status('excite', lambda status: status['stage'] == 'stopped')
+    assert f'nobody takes {COMMANDS} or {REFERENCE}' in ended['summary']
+
+
 def test_what_is_missing_is_named(ros: Ros, tmp_path: Path) -> None:
     graph, _ = ros
     for parameters, sentence in (
-        ({}, 'controller_action must be the action'),
+        ({}, 'either controller_action must be the action'),
+        (
+            {'controller_action': ACTION, 'stream_rate_hz': 100.0},
+            'either controller_action must be the action',
+        ),
         ({'controller_action': ACTION}, 'effort_limits must be given'),
     ):
         process = graph.start('excite', **parameters)
