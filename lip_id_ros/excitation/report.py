@@ -132,9 +132,11 @@ def space_figure(found: ExcitingMotion) -> Figure:
         for k, name in enumerate(names):
             panel.plot(*places[:, k].T, linewidth=0.9, label=for_plot(name))
         panel.set_aspect('equal')
+        panel.locator_params(nbins=4)
         for axis in 'xyz':
             getattr(panel, f'set_{axis}label')(f'{axis} [m]')
-    panel.legend(fontsize='small', loc='upper right')
+    lines, labels = panel.get_legend_handles_labels()
+    figure.legend(lines, labels, loc='upper center', ncols=min(len(names), 6), fontsize='small')
     return figure
 
 
