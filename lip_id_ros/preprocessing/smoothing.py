@@ -162,7 +162,9 @@ def windows(
     size = grid_size(t, rate_hz)
     margin = 4 * HALF_STENCIL
     if is_filtered(rate_hz, cutoff_hz):
-        margin += math.ceil(_SETTLED_PERIODS * rate_hz / cutoff_hz)
+        # near half the rate its poles forget as slowly as at frequencies near zero
+        slowest = min(cutoff_hz, 0.5 * rate_hz - cutoff_hz)
+        margin += math.ceil(_SETTLED_PERIODS * rate_hz / slowest)
     length, beside = max(_WINDOW, 8 * margin), 2 * _NEIGHBOURS * hold
     for start in range(0, size, length):
         stop = min(start + length, size)

@@ -278,7 +278,7 @@ def test_bursts_are_resampled_at_no_more_than_twice_their_mean_rate() -> None:
     assert data.n_samples < 2 * t.size
 
 
-@pytest.mark.parametrize('cutoff_hz', [0.0, 4.0, 20.0])
+@pytest.mark.parametrize('cutoff_hz', [0.0, 4.0, 20.0, 45.0])
 @pytest.mark.parametrize('velocity', ['recorded', 'differentiated'])
 def test_long_segments_are_smoothed_in_windows_alike(
     monkeypatch: pytest.MonkeyPatch, cutoff_hz: float, velocity: str
