@@ -11,7 +11,10 @@ import subprocess
 import sys
 from types import MappingProxyType
 
+import numpy as np
 import pytest
+
+from lip_id_ros.numba_jit import in_threads
 
 pytestmark = pytest.mark.slow
 
@@ -294,3 +297,29 @@ def test_functions_that_only_read_are_compiled_once_for_locked_arrays_too(tmp_pa
         ran = ended(tmp_path, 'reading.py')
         assert ran.returncode == 0, ran.stderr
         assert ran.stdout.split() == [*['18.0'] * 5, '14.0', '42.0', '42.0', '2']
+
+
+@pytest.mark.parametrize('cores', [1, 2, 7])
+@pytest.mark.parametrize('count', [0, 1, 10, 11, 12, 100])
+def test_all_threads_evaluate_each_state_once(
+    monkeypatch: pytest.MonkeyPatch, cores: int, count: int
+) -> None:
+    monkeypatch.setattr(os, 'cpu_count', lambda: cores)
+    times = np.zeros(count, dtype=int)
+
+    def work(rows: slice) -> None:
+        times[rows] += 1
+
+    in_threads(work, count, few=10)
+    assert (times == 1).all()
+
+
+def test_an_error_in_any_thread_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, 'cpu_count', lambda: 3)
+
+    def work(rows: slice) -> None:
+        if rows.stop == 100:
+            raise ArithmeticError
+
+    with pytest.raises(ArithmeticError):
+        in_threads(work, 100, few=10)

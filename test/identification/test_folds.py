@@ -9,7 +9,7 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
-from lip_id_ros.identification.folds import first_passes, NEAR, PAST_S, recurrent_folds
+from lip_id_ros.identification.folds import _apart, first_passes, NEAR, PAST_S, recurrent_folds
 
 RATE_HZ, PERIOD_S = 20.0, 6.53
 
@@ -107,6 +107,18 @@ def test_samples_repeat_what_a_plain_search_finds_near() -> None:
     assert np.all(nearest[first == own] > 0.8 * NEAR)
     assert np.all(distance[own, first][first < own] < 2.0 * NEAR)
     assert np.mean(first < own) > 0.7
+
+
+@given(st.integers(0, 1000), st.integers(0, 40), st.floats(0.0, 3.0))
+def test_states_that_are_traced_are_apart(seed: int, count: int, least: float) -> None:
+    rng = np.random.default_rng(seed)
+    states, segment = rng.standard_normal((count, 3)), np.sort(rng.integers(0, 3, count))
+    marked: list[int] = []
+    for i in range(count):
+        begins = i == 0 or segment[i] != segment[i - 1]
+        if begins or np.linalg.norm(states[i] - states[marked[-1]]) >= least:
+            marked.append(i)
+    assert np.flatnonzero(_apart(states, segment, least)).tolist() == marked
 
 
 def test_an_arm_that_moves_on_within_a_second_repeats_nothing() -> None:

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from lip_id_ros import numba_jit
 from lip_id_ros.arrays import Array
 from lip_id_ros.friction.drives import DriveTerm
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
@@ -199,7 +200,7 @@ def test_a_measurement_of_an_arm_has_its_noise_too() -> None:
     np.testing.assert_allclose(std.measurement, expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize('count', [1, 3 * FEW])
+@pytest.mark.parametrize('count', [1, 3 * FEW, numba_jit.FEW + 1])
 def test_compiled_deviations_are_the_plain_ones(count: int) -> None:
     model = random_model(ARTICULATED, residual_gp=False)
     assert model.arm is not None
