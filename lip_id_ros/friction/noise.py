@@ -10,12 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+import math
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.terms import Coulomb, SaturatingViscous, WIDENINGS
+from lip_id_ros.numba_jit import jit
 
 RATIOS = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Standard deviations at rest that are tried, beside none, in those of motion."""
@@ -58,10 +61,32 @@ class TorqueNoise:
         stuck = self.stuck**2 * np.exp(-np.square(dq / self.width))
         return np.asarray(np.sqrt(self.std**2 / self.weights(dq) + stuck))
 
+    def measured_std(self, std: Array, dq: Array) -> Array:
+        """Return deviations (N, n) of measured torques from those of noiseless ones [N m or N]."""
+        return np.asarray(_measured_std(std, np.ascontiguousarray(dq), self._numbers))
+
+    @cached_property
+    def _numbers(self) -> Array:
+        shape = self.std.shape
+        parts = self.std, self.ratio, self.velocity, self.stuck, self.width
+        return np.array([np.broadcast_to(part, shape) for part in parts])
+
     def weights(self, dq: Array) -> Array:
         """Return the weights of samples in a fit, at most 1, shape of `dq`; without `stuck`."""
         near = np.exp(-np.square(dq / self.velocity))
         return np.asarray(1.0 / (1.0 + np.square(self.ratio) * near))
+
+
+@jit
+def _measured_std(std: Array, dq: Array, numbers: Array) -> Array:
+    out = np.empty(std.shape)
+    for t in range(len(std)):
+        for j in range(std.shape[1]):
+            noise, ratio, velocity, stuck, width = numbers[:, j]
+            near, still = (dq[t, j] / velocity) ** 2, (dq[t, j] / width) ** 2
+            square = noise**2 * (1.0 + ratio**2 * math.exp(-near)) + stuck**2 * math.exp(-still)
+            out[t, j] = math.sqrt(std[t, j] ** 2 + square)
+    return out
 
 
 def estimate_noise(residuals: Array, dq: Array) -> TorqueNoise:

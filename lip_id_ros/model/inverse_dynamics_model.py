@@ -313,13 +313,13 @@ class InverseDynamicsModel:
         if self.process is not None:
             variances = self.process.variances(at, rate, change, self.potential_reference)
             tau, kinetic, potential = map(np.sqrt, variances)
-            noise = self.process.noise_std
+            measured = np.hypot(tau, self.process.noise_std)
         else:
             tau = self.torque_std(states[0], states[1], states[2], t, rows=rows)
-            noise = self._known_arm.noise.std_at(rate)
+            measured = self._known_arm.noise.measured_std(tau, rate)
             kinetic, potential = self._arm_deviation.energy_std(at, rate)
         known = potential if self.has_potential else None
-        return StandardDeviation(tau, np.hypot(tau, noise), kinetic, known)
+        return StandardDeviation(tau, measured, kinetic, known)
 
     def novelty(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """

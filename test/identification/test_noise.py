@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from hypothesis import given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 
@@ -32,6 +34,17 @@ def test_recovered_where_it_is_and_only_there() -> None:
         assert got.ratio[0] == 0.0
         assert 4.0 <= got.ratio[1] <= 16.0
         np.testing.assert_allclose(got.std_at(np.zeros((1, 2)))[0, 1], 16.0, rtol=0.7)
+
+
+@given(seed=st.integers(0, 1000), sticks=st.booleans())
+def test_noise_of_measured_torques_is_the_same_as_in_numpy(seed: int, sticks: bool) -> None:
+    rng = np.random.default_rng(seed)
+    std, ratio, velocity, *stuck = rng.uniform(0.01, 9.0, (5, 3))
+    noise = TorqueNoise(std, ratio, velocity, *(stuck if sticks else []))
+    tau, dq = rng.uniform(0.0, 9.0, (4, 3)), rng.standard_normal((3, 4)).T
+    dq[0, 0], dq[1, 1], dq[2, 2] = 0.0, np.inf, np.nan
+    expected = np.hypot(tau, noise.std_at(dq))
+    np.testing.assert_allclose(noise.measured_std(tau, dq), expected, rtol=1e-12)
 
 
 def test_weights_are_those_of_the_variance() -> None:
