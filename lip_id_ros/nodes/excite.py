@@ -198,6 +198,7 @@ class ExciteNode(NodeBase):
             self._record.call_async(SetBool.Request(data=False))
 
     async def _executed(self, motion: NextMotion, watch: MotionWatch) -> None:
+        self._require_posture(watch.posture, motion.trajectory.joint_names)  # now too
         self._enter(Stage.MOVE, f'motion {self._round} of {self._settings.rounds}')
         self._names = motion.trajectory.joint_names
         self._heard_at = time.monotonic()

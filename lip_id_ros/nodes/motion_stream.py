@@ -17,6 +17,9 @@ from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.motion_goal import LATE_S, Until
 from lip_id_ros.nodes.node import NodeBase
 
+LATEST = 2.0
+"""Periods by which the motion goes on at most: a busy machine makes it slower, without a jump."""
+
 
 class MotionStream:
     """
@@ -37,7 +40,11 @@ class MotionStream:
         self._reference = node.create_publisher(JointTrajectory, '~/reference', qos.OUTPUT)
         self._motion: StreamedMotion | None = None
         self._names: tuple[str, ...] = ()
-        self._begun, self._over = 0.0, Future(executor=node.executor)
+        self._t, self._published_at = (
+            0.0,
+            0.0,
+        )  # of the last state: in the motion, and by the clock
+        self._over = Future(executor=node.executor)
         node.create_steady_timer(self._period, self._publish)
 
     def forget(self) -> None:
@@ -58,22 +65,21 @@ class MotionStream:
 
     def since_start(self) -> tuple[float, float]:
         """Return between which times after its start a joint state heard now is [s]."""
-        since = time.monotonic() - self._begun
-        return max(0.0, since - LATE_S - self._period), since
+        return max(0.0, self._t - LATE_S - self._period), self._t
 
     async def execute(self, planned: Trajectory, until: Until) -> None:
         """Publish a motion to its end."""
         position = np.array([self._positions[name] for name in planned.joint_names])
         self._names = planned.joint_names
         self._over = Future(executor=self._node.executor)
-        self._begun = time.monotonic()
+        self._t, self._published_at = 0.0, time.monotonic()
         self._motion = StreamedMotion(planned, position, self._ramp)
         await until(self._over)
 
     def halt(self) -> None:
         """Slow down the motion that runs, if one does."""
         if self._motion is not None:
-            self._motion.halt(time.monotonic() - self._begun)
+            self._motion.halt(self._t)
 
     def stop(self) -> None:
         """Publish until the motion rests."""
@@ -88,15 +94,17 @@ class MotionStream:
     def _publish(self) -> None:
         if self._motion is None:
             return
-        since = time.monotonic() - self._begun
-        q, dq, ddq = self._motion.state(since)
+        now = time.monotonic()
+        self._t += min(now - self._published_at, LATEST * self._period)
+        self._published_at = now
+        q, dq, ddq = self._motion.state(self._t)
         self._commands.publish(Float64MultiArray(data=messages.doubles(q)))
         sample = messages.plan_message(
             self._names, np.zeros(1), *(each[None] for each in (q, dq, ddq))
         )
         sample.header.stamp = self._stamp()
         self._reference.publish(sample)
-        if self._motion.is_over(since):
+        if self._motion.is_over(self._t):
             self._motion = None
             if not self._over.done():
                 self._over.set_result(None)

@@ -327,6 +327,22 @@ def test_a_stream_ends_in_a_ramp_where_the_node_ends(ros: Ros, tmp_path: Path) -
     assert_ends_in_a_ramp(client)
 
 
+def test_a_stream_that_was_held_up_goes_on_without_a_jump(ros: Ros, tmp_path: Path) -> None:
+    graph, client = ros
+    streaming(ros, tmp_path, first_size=1.0)
+    begin_to_move(client)
+    excite = graph.processes[-1]
+    excite.hold()
+    silent_since, before = time.monotonic(), len(client.received[REFERENCE])
+    client.wait_until(lambda: time.monotonic() - silent_since > 1.0, 'a second')
+    excite.send(signal.SIGCONT)
+    client.wait_until(lambda: len(client.received[REFERENCE]) > before + 50, 'the motion')
+    states = published(client)
+    steps = np.abs(np.diff(states[:, 0], axis=0))
+    fastest = np.abs(states[:, 1]).max()
+    assert steps.max() <= 2.5 * fastest / STREAM['stream_rate_hz']
+
+
 def test_a_stream_that_nobody_takes_does_not_begin(ros: Ros, tmp_path: Path) -> None:
     _, client = ros
     started(ros, tmp_path, **STREAM)
