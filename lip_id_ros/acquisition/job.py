@@ -50,7 +50,8 @@ class JobState:
     Where a job stands.
 
     `task`: 'none' before the first. `state`: 'idle', 'running', 'done', 'failed' or 'cancelled'.
-    `total` is 0 while it is not known. `error`: one sentence when it failed.
+    `total` is 0 while it is not known. `error`: one sentence when it failed. `number`: of jobs so
+    far.
     """
 
     task: str = 'none'
@@ -60,6 +61,7 @@ class JobState:
     total: int = 0
     result: Mapping[str, Any] = field(default_factory=dict)
     error: str = ''
+    number: int = field(default=0, compare=False)
 
 
 def in_words(n_samples: int, bags: Sequence[str]) -> str:
@@ -119,7 +121,7 @@ class Jobs:
         if self.state.state == 'running':
             raise LipIdError(f'a {self.state.task} is running; wait until ~/status shows its end.')
         self._cancelled = False
-        self.state = JobState(task.kind, 'running', 'start')
+        self.state = JobState(task.kind, 'running', 'start', number=self.state.number + 1)
         self._work = self._pool.submit(self._run, task, sections)
         return self._work
 

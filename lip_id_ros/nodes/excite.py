@@ -21,6 +21,7 @@ from lip_id_ros.acquisition.job import Jobs, Task
 from lip_id_ros.errors import ConfigError, LipIdError
 from lip_id_ros.excitation.rounds import MotionRequest, MotionWatch, NextMotion, numbered
 from lip_id_ros.excitation.settings import NONE, RoundSettings
+from lip_id_ros.excitation.trajectory_file import writer_for
 from lip_id_ros.nodes import messages, qos, running
 from lip_id_ros.nodes.description import Description
 from lip_id_ros.nodes.motion_goal import HaltError, LONGEST_ANSWER_S, MotionGoal
@@ -50,6 +51,9 @@ class Stage(StrEnum):
     STOPPED = 'stopped'
 
 
+ENDED = Stage.IDLE, Stage.DONE, Stage.STOPPED
+
+
 class ExciteNode(NodeBase):
     """Motions, one after the other; ConfigError if a parameter is missing or wrong."""
 
@@ -64,7 +68,9 @@ class ExciteNode(NodeBase):
         self._heard_of: dict[str, float] = {}
         self._heard_at = -np.inf
         self._watch: MotionWatch | None = None
+        self._moves = False
         self._pending: Future | None = None
+        self._halted: str | None = None
         self._names: tuple[str, ...] = ()
         self._job: Mapping[str, Any] = {}
         self._heard_of_job: Future | None = None
@@ -97,6 +103,8 @@ class ExciteNode(NodeBase):
         """End the motion and the design that are running."""
         self._halt('the node ends')
         self._mover.stop()
+        if self._moves:
+            self._end_disturbed.call_async(Trigger.Request())
         self._jobs.stop()
 
     def status(self) -> Status:
@@ -121,6 +129,7 @@ class ExciteNode(NodeBase):
                 self._round = number
                 motion = await self._designed(number)
                 if self._is_enough(motion):
+                    self._round = number - 1
                     break
                 await self._confirmed(motion)
                 await self._moved(motion)
@@ -185,15 +194,17 @@ class ExciteNode(NodeBase):
         self._require_posture(watch.posture, names)
         if (missing := self._mover.missing()) is not None:
             raise HaltError(missing)
-        await self._asked(self._record, SetBool.Request(data=True))
-        self._trainer_heard_at = time.monotonic()
         try:
+            await self._asked(self._record, SetBool.Request(data=True))
+            self._trainer_heard_at = time.monotonic()
             await self._executed(motion, watch)
             await self._settled()
         except HaltError:
-            self._end_disturbed.call_async(Trigger.Request())
+            if self._moves:
+                self._end_disturbed.call_async(Trigger.Request())
             raise
         finally:
+            self._moves = False
             self._watch, self._trainer_heard_at = None, np.inf
             self._record.call_async(SetBool.Request(data=False))
 
@@ -202,14 +213,17 @@ class ExciteNode(NodeBase):
         self._enter(Stage.MOVE, f'motion {self._round} of {self._settings.rounds}')
         self._names = motion.trajectory.joint_names
         self._heard_at = time.monotonic()
-        self._watch = watch  # the arm may move before the answer comes
+        self._watch, self._moves = watch, True  # the arm may move before the answer comes
         await self._mover.execute(motion.trajectory, self._until)
         self._watch = None
 
     async def _settled(self) -> None:
         """Wait for the last joint states of the motion."""
         self._settled_at = time.monotonic() + LEAST_SETTLED_S
-        await self._until(Future(executor=self.executor))
+        try:
+            await self._until(Future(executor=self.executor))
+        finally:
+            self._settled_at = None
 
     async def _fitted(self) -> None:
         """Have `train` fit, and take the model."""
@@ -243,7 +257,10 @@ class ExciteNode(NodeBase):
         self._limit = time.monotonic() + limit_s, what
         task = self.executor.create_task(_passing(awaited, pending))
         try:
-            return await pending
+            result = await pending
+            if self._halted is not None:  # after it was done, and before this went on
+                raise HaltError(self._halted)
+            return result
         finally:
             self._pending = None
             task.cancel()
@@ -251,7 +268,7 @@ class ExciteNode(NodeBase):
     def _halt(self, reason: str) -> None:
         """Halt the motion that runs, and end what is awaited."""
         self._mover.halt()
-        self._watch = None
+        self._watch, self._halted = None, self._halted or reason
         if self._pending is not None and not self._pending.done():
             self._pending.set_exception(HaltError(reason))
 
@@ -308,11 +325,12 @@ class ExciteNode(NodeBase):
     # services
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._stage not in (Stage.IDLE, Stage.DONE, Stage.STOPPED):
+        if self._stage not in ENDED:
             return _answer(response, False, f'the node is {self._stage}; call ~/stop first')
         if not self._positions:
             return _answer(response, False, 'no joint state has come; start the driver')
         self._mover.forget()
+        self._halted = None
         self._enter(Stage.DESIGN, 'the first motion')
         self.executor.create_task(self._run())
         return _answer(response, True, 'designing the first motion; ~/status shows how it goes')
@@ -326,7 +344,7 @@ class ExciteNode(NodeBase):
         return _answer(response, True, 'the arm moves')
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._pending is None:
+        if self._stage in ENDED:
             return _answer(response, False, f'nothing runs, the node is {self._stage}')
         self._halt('~/stop was called')
         with suppress(LipIdError):
@@ -371,6 +389,7 @@ def _require(settings: RoundSettings) -> None:
             'either controller_action must be the action FollowJointTrajectory of the controller, '
             'or stream_rate_hz the rate of states that are published instead; give one of them.'
         )
+    writer_for(settings.motion_path)
     if settings.effort_limits == ():
         raise ConfigError('effort_limits must be given: numbers, or the word none for no limits.')
 

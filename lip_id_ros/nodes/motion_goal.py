@@ -9,6 +9,7 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 import numpy as np
+import rclpy
 from rclpy.action import ActionClient
 from rclpy.task import Future
 
@@ -20,6 +21,12 @@ from lip_id_ros.nodes.node import NodeBase
 
 LONGEST_ANSWER_S = 5.0
 """Controllers answer sooner."""
+
+LAST_ANSWER_S = 3.0
+"""A node that ends waits so long for the controller: `launch` kills it after 10 s."""
+
+EARLY_S = 0.5
+"""A motion that ends before its time by more has not been executed."""
 
 LATE_S = 0.01
 """A joint state is heard within this time."""
@@ -48,7 +55,8 @@ class MotionGoal:
         self._client = ActionClient(node, self._kind, self._action)
         self._handle: Any = None
         self._uncancelled_after = np.inf
-        self._sent_at, self._accepted_at = 0.0, np.inf
+        self._sent: Future | None = None
+        self._sent_at, self._accepted_at, self._takes_s = 0.0, np.inf, 0.0
 
     def forget(self) -> None:
         """Forget what was in doubt: somebody has looked at the arm."""
@@ -77,12 +85,14 @@ class MotionGoal:
         names, t, *states = planned
         goal = self._kind.Goal(trajectory=messages.plan_message(names, t, *states))
         self._sent_at, self._accepted_at = self._now_s(), np.inf
-        sent = self._client.send_goal_async(goal)
+        self._takes_s = float(t[-1])
+        self._sent = sent = self._client.send_goal_async(goal)
         try:
             handle = await until(sent, LONGEST_ANSWER_S, self._action)
         except HaltError:
             sent.add_done_callback(self._on_late_answer)
             raise
+        self._sent = None
         if not handle.accepted:
             raise HaltError(f'the controller of {self._action} has rejected the motion')
         self._handle, self._accepted_at = handle, self._now_s()
@@ -93,6 +103,12 @@ class MotionGoal:
         if answer.status != GoalStatus.STATUS_SUCCEEDED:
             why = answer.result.error_string or f'error code {answer.result.error_code}'
             raise HaltError(f'the controller has ended the motion: {why}')
+        lacking = self._sent_at + self._takes_s - self._now_s()
+        if lacking > EARLY_S:
+            raise HaltError(
+                f'the controller has said {lacking:.3g} s before its end that the motion is done; '
+                'look whether the arm rests'
+            )
 
     def halt(self) -> None:
         """Have the controller cancel the motion that runs, if one does."""
@@ -100,7 +116,13 @@ class MotionGoal:
             self._cancel(self._handle)
 
     def stop(self) -> None:
-        """Do no more: the controller has heard of it."""
+        """Wait for the answer to a motion that the controller may still begin, and cancel it."""
+        sent = self._sent
+        if sent is None:
+            return
+        rclpy.spin_until_future_complete(self._node, sent, timeout_sec=LAST_ANSWER_S)
+        if self._sent is not None and sent.done():
+            self._on_late_answer(sent)
 
     def watch(self, moving: bool) -> str | None:
         """Return why a motion must be halted, or None; called again and again."""
@@ -109,6 +131,9 @@ class MotionGoal:
             self._tell(f'has not said in {LONGEST_ANSWER_S:g} s whether it ends the motion')
         if moving and not self._client.server_is_ready():
             return f'the controller of {self._action} has ended'
+        late = self._now_s() - self._accepted_at - self._takes_s
+        if moving and late > LONGEST_ANSWER_S:
+            return f'the controller has not ended the motion {late:.3g} s after its time'
         return None
 
     def _cancel(self, handle: Any) -> None:
@@ -125,6 +150,7 @@ class MotionGoal:
         self._tell('has refused to cancel the motion')
 
     def _on_late_answer(self, sent: Future) -> None:
+        self._sent = None
         if sent.exception() is None and sent.result().accepted:
             self._cancel(sent.result())
 

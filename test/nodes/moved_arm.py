@@ -11,7 +11,7 @@ from control_msgs.action import FollowJointTrajectory
 from gp.chains import R, random_arm
 import numpy as np
 import rclpy
-from rclpy.action import ActionServer, CancelResponse
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
@@ -32,7 +32,9 @@ class MovedArm(Node):
     """
     It follows plans exactly; beyond `blocked_at` [rad] its first joint does not move.
 
-    Where it `ignores_cancels` it goes on all the same. With a topic `reference` it follows that.
+    Where it `ignores_cancels` it goes on all the same. It `answers_after` a while [s], and says
+    that a motion `ends_after` another, whenever that ends. With a topic `reference` it follows
+    that.
     """
 
     def __init__(self) -> None:
@@ -41,6 +43,8 @@ class MovedArm(Node):
         self._ignores_cancels = self.declare_parameter('ignores_cancels', False).value
         if topic := self.declare_parameter('reference', '').value:
             self.create_subscription(JointTrajectory, topic, self._follow, qos.REFERENCE)
+        self._answers_after = self.declare_parameter('answers_after', 0.0).value
+        self._ends_after = self.declare_parameter('ends_after', 0.0).value
         self._arm, self._rng = random_arm((R, R), seed=3), np.random.default_rng(0)
         self._lock = threading.Lock()
         self._plan: tuple[Array, Array] | None = None  # times, states
@@ -52,10 +56,15 @@ class MovedArm(Node):
             FollowJointTrajectory,
             ACTION,
             execute_callback=self._execute,
+            goal_callback=self._accept,
             cancel_callback=self._cancel,
             callback_group=own,
         )
         self.create_timer(1.0 / RATE_HZ, self._tick, callback_group=own)
+
+    def _accept(self, goal: Any) -> GoalResponse:
+        time.sleep(self._answers_after)
+        return GoalResponse.ACCEPT
 
     def _execute(self, handle: Any) -> Any:
         points = handle.request.trajectory.points
@@ -65,12 +74,15 @@ class MovedArm(Node):
         rows = np.array([[p.positions, p.velocities, p.accelerations] for p in points])
         with self._lock:
             self._plan, self._begun = (t, rows[:, :, order]), time.monotonic()
-        while time.monotonic() - self._begun < t[-1]:
+        end = self._ends_after or t[-1]
+        while time.monotonic() - self._begun < end:
             if handle.is_cancel_requested:
+                self._end()  # it may have been cancelled before it began
                 handle.canceled()
                 return FollowJointTrajectory.Result()
             time.sleep(0.02)
-        self._end()
+        if not self._ends_after:
+            self._end()
         handle.succeed()
         return FollowJointTrajectory.Result()
 

@@ -16,6 +16,7 @@ pytest.importorskip('control_msgs', reason='needs control_msgs')
 from nodes.moved_arm import ACTION, JOINTS
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.model import InverseDynamicsModel
@@ -32,7 +33,14 @@ search: {draws: 4, starts: 1, steps: 5}
 """
 
 
-def started(ros: Ros, folder: Path, arm: tuple[str, ...] = (), **parameters: Any) -> Process:
+def started(
+    ros: Ros,
+    folder: Path,
+    arm: tuple[str, ...] = (),
+    duration_s: float = 10.0,
+    bags: tuple[str, ...] = (),
+    **parameters: Any,
+) -> Process:
     """Start the arm, `train` and `excite`; return the arm."""
     graph, client = ros
     moved = graph.start_fork('moved_arm', 'nodes.moved_arm', ['--ros-args', *arm])
@@ -41,9 +49,10 @@ def started(ros: Ros, folder: Path, arm: tuple[str, ...] = (), **parameters: Any
         recording__joints=list(JOINTS),
         model_path=str(folder / 'model.npz'),
         unsaved_path=str(folder / 'kept'),
+        bags=list(bags),
     )
     settings = folder / 'excite.yaml'
-    settings.write_text(SETTINGS)
+    settings.write_text(SETTINGS.replace('10.0', str(duration_s)))
     own = {
         'controller_action': ACTION,
         'config_path': str(settings),
@@ -108,6 +117,16 @@ def test_from_nothing_to_a_model(ros: Ros, tmp_path: Path) -> None:
     }
     model = InverseDynamicsModel.load(ended['model_path'])
     assert max(model.summary['unexplained_percent']) < 5.0
+
+
+@pytest.mark.slow
+def test_no_motion_follows_once_enough_is_known(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    started(ros, tmp_path, rounds=2, enough_percent=100.0)
+    begin(client)
+    ended = client.status('excite', lambda status: status['stage'] in ('done', 'stopped'))
+    assert ended['summary'].startswith('done: 1 motions; the model is ')
+    assert ended['round'] == 1
 
 
 def test_a_blocked_joint_stops_the_motion(ros: Ros, tmp_path: Path) -> None:
@@ -193,6 +212,48 @@ def test_leave_is_asked_for_and_a_stop_is_heeded(ros: Ros, tmp_path: Path) -> No
     assert np.abs(position(client)).max() == 0.0
 
 
+def test_a_stop_right_after_leave_is_heeded(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    started(ros, tmp_path, confirm=True)
+    begin(client)
+    client.status('excite', lambda status: status['stage'] == 'waiting for confirm')
+    assert not client.trigger('/excite/start').success  # now the client knows the node
+    calls = [client.node.create_client(Trigger, f'/excite/{name}') for name in ('confirm', 'stop')]
+    client.wait_until(lambda: all(each.service_is_ready() for each in calls), 'services')
+    answers = [each.call_async(Trigger.Request()) for each in calls]
+    client.wait_until(lambda: all(each.done() for each in answers), 'answers')
+    ended = client.status('excite', lambda status: status['stage'] in ('fitting', 'stopped'))
+    assert '~/stop was called' in ended['summary']
+
+
+def test_a_controller_that_does_not_end_a_motion_is_not_awaited(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    started(ros, tmp_path, ('-p', 'ends_after:=1e9'), duration_s=1.0)
+    begin(client)
+    ended = client.status('excite', lambda status: status['stage'] == 'stopped')
+    assert 'the controller has not ended the motion 5' in ended['summary']
+
+
+def test_a_motion_that_ends_before_its_time_is_not_learned_from(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    started(ros, tmp_path, ('-p', 'ends_after:=1.0'))
+    begin(client)
+    ended = client.status('excite', lambda status: status['stage'] in ('fitting', 'stopped'))
+    assert 's before its end that the motion is done' in ended['summary']
+    client.status('train', lambda status: status['disturbed'] == 1)
+
+
+def test_a_fit_that_fails_as_the_last_one_is_not_awaited_either(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    (tmp_path / 'broken.mcap').write_bytes(b'')
+    started(ros, tmp_path, duration_s=1.0, bags=(str(tmp_path / 'broken.mcap'),))
+    for _ in range(2):
+        begin(client)
+        client.status('excite', lambda status: status['stage'] not in ('idle', 'stopped'))
+        ended = client.status('excite', lambda status: status['stage'] == 'stopped')
+        assert 'the fit has ended without a model: ' in ended['summary']
+
+
 def test_an_effort_beyond_its_limit_stops_the_motion(ros: Ros, tmp_path: Path) -> None:
     _, client = ros
     started(ros, tmp_path, effort_limits=[0.01])
@@ -210,6 +271,21 @@ def test_a_killed_node_leaves_the_arm_to_its_controller_and_the_data_to_train(
     excite = graph.processes[-1]
     assert excite.end(signal.SIGTERM) == 0
     await_hold(client)
+
+
+def test_a_node_that_ends_before_the_controller_answers_lets_nothing_move(
+    ros: Ros, tmp_path: Path
+) -> None:
+    graph, client = ros
+    started(ros, tmp_path, ('-p', 'answers_after:=1.5'))
+    begin(client)
+    client.status('excite', lambda status: status['stage'] == 'moving')
+    assert graph.processes[-1].end(signal.SIGTERM) == 0
+    states = client.received['/joint_states']
+    heard = len(states)
+    client.wait_until(lambda: len(states) > heard + 100, 'joint states')
+    assert states[-1].position == states[-20].position
+    client.status('train', lambda status: not status['recording'] and status['disturbed'] == 1)
 
 
 @pytest.mark.parametrize('number', [signal.SIGSTOP, signal.SIGKILL, signal.SIGTERM])
@@ -360,6 +436,7 @@ def test_what_is_missing_is_named(ros: Ros, tmp_path: Path) -> None:
             'either controller_action must be the action',
         ),
         ({'controller_action': ACTION}, 'effort_limits must be given'),
+        ({'controller_action': ACTION, 'motion_path': 'm.txt'}, 'm.txt ends otherwise; name'),
     ):
         process = graph.start('excite', **parameters)
         assert process.wait() == 1
