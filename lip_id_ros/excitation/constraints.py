@@ -23,9 +23,14 @@ from lip_id_ros.model import InverseDynamicsModel
 
 HALVINGS, SHRINK = 8, 0.97
 
+LEAST_SHARE = 0.01
+"""Of a motion that is made smaller: less teaches nothing."""
+
 
 class Constraint(Protocol):
-    """A limit that a motion keeps or not."""
+    """A limit that a motion keeps or not. `settings`: where it is from."""
+
+    settings: str
 
     def require_posture(self, posture: Array) -> None:
         """Refuse a posture at which the limit cannot be kept, by a ConfigError that names it."""
@@ -49,24 +54,42 @@ class Constraints:
             one.require_posture(posture)
 
     def held(self, motion: FourierMotion) -> FourierMotion:
-        """Return the motion, or one around the same posture that goes less far."""
+        """
+        Return the motion, or one around the same posture that goes less far.
+
+        ConfigError, with the limit, if hardly anything of it is left.
+        """
         if self._are_kept(motion, fine=True):
             return motion
-        motion = self.nearly_held(motion)
-        while not self._are_kept(motion, fine=True):
-            motion = motion.scaled(SHRINK)
-        return motion
+        share = self._nearly_held_share(motion)
+        while share >= LEAST_SHARE and not self._are_kept(motion.scaled(share), fine=True):
+            share *= SHRINK
+        if share < LEAST_SHARE:
+            raise self._error(motion.scaled(LEAST_SHARE))
+        return motion.scaled(share)
+
+    def _error(self, motion: FourierMotion) -> ConfigError:
+        broken = [one.settings for one in self.each if not one.is_kept(motion, fine=True)]
+        return ConfigError(
+            f'{" and ".join(broken) or "the limits"} must leave more than {LEAST_SHARE:.0%} of '
+            'the motion that the joints may make, but do not: the posture is too near; choose '
+            'another posture, or widen them.'
+        )
 
     def nearly_held(self, motion: FourierMotion) -> FourierMotion:
         """Return what `held` does, as far as few samples show, in a fraction of the time."""
+        share = self._nearly_held_share(motion)
+        return motion if share == 1.0 else motion.scaled(share)
+
+    def _nearly_held_share(self, motion: FourierMotion) -> float:
         if self._are_kept(motion, fine=False):
-            return motion
+            return 1.0
         low, high = 0.0, 1.0
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
             kept = self._are_kept(motion.scaled(middle), fine=False)
             low, high = (middle, high) if kept else (low, middle)
-        return motion.scaled(low)
+        return low
 
     def _are_kept(self, motion: FourierMotion, fine: bool) -> bool:
         return all(one.is_kept(motion, fine) for one in self.each)
@@ -87,6 +110,8 @@ class TorqueLimits:
     A torque counts with three standard deviations. Between two samples it is taken to be at most
     as far from either as they are from each other.
     """
+
+    settings = 'motion.torque_limits'
 
     def __init__(self, model: InverseDynamicsModel, limits: JointLimits) -> None:
         assert limits.torque is not None, 'without limits of torques there is nothing to hold'
@@ -138,6 +163,8 @@ class TorqueLimits:
 FIRST_SIZE = 0.15
 """Of the first motion, in the limits."""
 
+LEAST_SIZE = 1e-3
+
 LARGEST_GROWTH = 2.0
 """A motion is at most so many times as large as the last one."""
 
@@ -173,7 +200,7 @@ def next_size(
     Return the size of the next motion, which may be smaller than the last one.
 
     It is the largest at which the torques of random motions, as the model predicts them with three
-    deviations, are within the limits. ConfigError if the model cannot hold the posture itself.
+    deviations, are within the limits. ConfigError if the model vouches for no motion at all.
     """
     largest = min(1.0, LARGEST_GROWTH * last)
     if limits.torque is None:
@@ -193,4 +220,10 @@ def next_size(
     for _ in range(SIZE_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if vouched(middle) else (low, middle)
+    if low < LEAST_SIZE:
+        raise ConfigError(
+            'motion.torque_limits leave no motion at this posture, for which the model needs '
+            'nearly all of them with three deviations; choose another posture, raise them, or '
+            'record more motion.'
+        )
     return low

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.description.limits import joint_ranges, JointRanges
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.excitation.settings import MotionSettings, TargetSettings
@@ -15,6 +15,9 @@ from lip_id_ros.excitation.settings import MotionSettings, TargetSettings
 SECONDS_TO_FULL_VELOCITY = 0.25
 SECONDS_TO_FULL_ACCELERATION = 0.1
 """What limits of acceleration and jerk follow from, where none is given."""
+
+LEAST_WAY = 1e-3
+"""From the posture to each limit of position, in the range: less leaves no motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,16 +61,22 @@ class JointLimits:
         """Largest velocities, accelerations and jerks."""
         return self.velocity, self.acceleration, self.jerk
 
+    def leave_motion(self, posture: Array) -> BoolArray:
+        """Return which joints (n,) are between their limits of position, and not at one."""
+        way = np.minimum(posture - self.lower, self.upper - posture)
+        return np.asarray(way > LEAST_WAY * (self.upper - self.lower))
+
     def require_posture(self, posture: Array) -> None:
         """Refuse a posture that is not between the limits of position, by a ConfigError."""
-        for name, q, low, high in zip(
-            self.joint_names, posture, self.lower, self.upper, strict=True
+        leave = self.leave_motion(posture)
+        for name, q, low, high, left in zip(
+            self.joint_names, posture, self.lower, self.upper, leave, strict=True
         ):
-            if not low < q < high:
+            if not left:
                 raise ConfigError(
                     f'the posture of joint {name!r} must be between its position limits '
-                    f'{low:g} and {high:g}, but is {q:g}; move it, or widen motion.lower and '
-                    'motion.upper.'
+                    f'{low:g} and {high:g}, and {LEAST_WAY * (high - low):.2g} from each, but is '
+                    f'{q:g}; move it, or widen motion.lower and motion.upper.'
                 )
 
 

@@ -60,13 +60,19 @@ def _deviation(of: Coefficient) -> str:
     return '' if of.std is None else f'{of.std:.2g}'
 
 
+def judged_by(found: ExcitingMotion) -> str:
+    """Return what motions are compared by, in words."""
+    if found.for_information:
+        return 'Geometric mean variance of parameters'
+    return 'Expected squared error of torques'
+
+
 def gain_lines(found: ExcitingMotion) -> list[str]:
     """Return sentences on the expected error beside random motions."""
     to_mean, to_best = found.gains
     lines = [
-        f'Expected squared error of torques after it: {to_mean:.2f} of that after random motions '
-        f'within the same limits, {to_best:.2f} of that after the best of '
-        f'{len(found.design.random_criteria)}.'
+        f'{judged_by(found)} after it: {to_mean:.2f} of that after random motions within the same '
+        f'limits, {to_best:.2f} of that after the best of {len(found.design.random_criteria)}.'
     ]
     if found.learning is not None and found.limits.torque is None:
         lines.append('Torques have no limit here; give motion.torque_limits, or a URDF.')

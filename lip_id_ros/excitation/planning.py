@@ -34,6 +34,7 @@ from lip_id_ros.excitation.series import FourierMotion, LimitedMotions, peaks
 from lip_id_ros.excitation.settings import (
     AS_MOTION,
     ExcitationConfig,
+    INFORMATION,
     MotionSettings,
     NONE,
     SpaceSettings,
@@ -48,7 +49,8 @@ from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.couplings import coupling_matrix
 from lip_id_ros.settings import read_sections
 
-FINE_PER_S = 200.0
+LEAST_PER_PERIOD = 5.0
+"""Points of a motion in the shortest period, between which a controller interpolates."""
 
 MOST_TARGETS = 600
 """States of a data set that a motion is designed for."""
@@ -64,7 +66,8 @@ class ExcitingMotion:
     `joint_names`, `joint_types`: from base to tip. `design`: the motion, its criterion, and those
     of random motions within the same limits. `rate`: at which it is written [Hz]. `chain`,
     `space`: where the joints are and may be; None without a URDF. `learning`: what a model
-    will have learned from it; None where there is no model.
+    will have learned from it; None where there is no model. `for_information`: whether it is
+    designed for information on the parameters.
     """
 
     joint_names: tuple[str, ...]
@@ -75,6 +78,7 @@ class ExcitingMotion:
     chain: Chain | None = None
     space: SpaceSettings = field(default_factory=SpaceSettings)
     learning: Learning | None = None
+    for_information: bool = False
 
     @property
     def motion(self) -> FourierMotion:
@@ -94,7 +98,7 @@ class ExcitingMotion:
     @property
     def position_ends(self) -> Array:
         """Lowest and highest positions, shape (2, n): of samples, to 0.03 % of the way."""
-        q = self.motion.derivative(self.motion.times(FINE_PER_S), 0)
+        q = self.motion.derivative(self.motion.fine_times, 0)
         return np.array([q.min(axis=0), q.max(axis=0)])
 
     def places(self, rate: float) -> Array:
@@ -177,6 +181,7 @@ def design_motion(
     if model is not None:
         config = of_model(config, model)
     names, types, chain = joints_of(config.motion, description)
+    _require_rate(config.motion)
     largest = limits_from(config.motion, names, description)
     posture = posture_from(config.motion, largest)
     limits = shrunk(largest, posture, config.motion.size)
@@ -203,8 +208,19 @@ def design_motion(
     found = design(motions, criterion, config.search, progress, constraints)
     learning = Learning(model, states, found.motion, measurements(config))
     return ExcitingMotion(
-        names, types, limits, found, config.motion.rate_hz, chain, config.space, learning
+        *(names, types, limits, found, config.motion.rate_hz, chain, config.space, learning),
+        for_information=config.search.criterion == INFORMATION,
     )
+
+
+def _require_rate(settings: MotionSettings) -> None:
+    least = LEAST_PER_PERIOD * settings.harmonics / settings.duration_s
+    if settings.rate_hz < least:
+        raise ConfigError(
+            f'motion.rate_hz must be at least {least:g} for a motion of {settings.duration_s:g} s '
+            f'with {settings.harmonics} harmonics, but is {settings.rate_hz:g}: between so few '
+            'points a controller would move otherwise; raise it, or change the motion.'
+        )
 
 
 def wanted_states(config: ExcitationConfig, limits: JointLimits, posture: Array) -> States:
@@ -217,8 +233,7 @@ def wanted_motions(
 ) -> LimitedMotions:
     """Return motions in the box of the settings, or within the limits where they have none."""
     box, rate = target_limits(config.targets, limits), config.targets.rate_hz
-    inside = (box.lower < posture) & (posture < box.upper)
-    start = np.where(inside, posture, 0.5 * (box.lower + box.upper))
+    start = np.where(box.leave_motion(posture), posture, 0.5 * (box.lower + box.upper))
     period = config.motion.duration_s if rate == AS_MOTION else 1.0 / float(rate)
     return LimitedMotions(box, start, period, config.motion.harmonics)
 

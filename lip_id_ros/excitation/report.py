@@ -16,7 +16,12 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.report import style
 from lip_id_ros.evaluation.report.page import Drawing, drawn, write_page
-from lip_id_ros.excitation.motion_tables import gain_lines, learning_tables, motion_table
+from lip_id_ros.excitation.motion_tables import (
+    gain_lines,
+    judged_by,
+    learning_tables,
+    motion_table,
+)
 from lip_id_ros.excitation.planning import ExcitingMotion
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.progress import Progress, silent
@@ -27,7 +32,7 @@ MOTION = (
     'three standard deviations. Dashed lines are the limits.'
 )
 SPACE = 'Ways of the origins of the joints and of the tool, in the frame of the base.'
-CRITERION = 'Expected squared error of torques after random motions within the same limits.'
+CRITERION = '{} after random motions within the same limits.'
 
 
 def write_motion_report(
@@ -59,13 +64,14 @@ def _drawings(found: ExcitingMotion) -> Iterator[Drawing]:
     yield 'motion', 'Motion beside its limits', MOTION, partial(motion_figure, found)
     if found.chain is not None:
         yield 'space', 'Space that the arm sweeps', SPACE, partial(space_figure, found)
-    yield 'criterion', 'Beside random motions', CRITERION, partial(criterion_figure, found)
+    caption = CRITERION.format(judged_by(found))
+    yield 'criterion', 'Beside random motions', caption, partial(criterion_figure, found)
 
 
 def motion_figure(found: ExcitingMotion) -> Figure:
     """Draw q, dq, ddq and predicted torques of each joint over time."""
     n = len(found.joint_names)
-    t = found.motion.times(RATE_HZ)
+    t = np.union1d(found.motion.times(RATE_HZ), found.motion.fine_times)
     states = found.motion.sample(t)
     columns = 3 if found.learning is None else 4
     figure = Figure(

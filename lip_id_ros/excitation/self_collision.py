@@ -40,6 +40,8 @@ class SelfCollision:
     has no collision geometry, a mesh is not found, or pinocchio is not installed.
     """
 
+    settings = 'space.self_distance_m'
+
     def __init__(
         self, urdf: tuple[str, str], limits: JointLimits, matrix: Array, distance: float
     ) -> None:

@@ -58,6 +58,11 @@ class FourierMotion:
         """Return times [s] from the start to the end, at about so many a second."""
         return np.linspace(0.0, self.duration, max(2, round(self.duration * rate) + 1))
 
+    @property
+    def fine_times(self) -> Array:
+        """Times [s] between whose values none is larger by more than 0.03 %."""
+        return np.linspace(0.0, self.duration, SAMPLES_PER_HARMONIC * self.harmonics + 1)
+
     def scaled(self, factor: float | Array) -> FourierMotion:
         """Return a motion whose joints go so many times as far, by a number or (n,)."""
         factors = np.broadcast_to(factor, self.posture.shape)

@@ -36,6 +36,8 @@ class Space:
     `reach`, shape (n, n): the largest speed of each point by each joint's unit speed [m].
     """
 
+    settings = 'space.floor_m, space.boxes or space.keep_in'
+
     def __init__(self, settings: SpaceSettings, chain: Chain, limits: JointLimits) -> None:
         self._chain, self._margin = chain, settings.margin_m
         self._matrix = coupling_matrix(chain)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 import json
+import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +17,9 @@ from lip_id_ros.recording.bag_writer import JointTrajectoryTrack, write_mcap
 
 TOPIC = '/joint_trajectory'
 FIRST_LINE = '# trajectory_msgs/msg/JointTrajectory of lip_id excite'
-FIRST_COLUMN = 't,q_'
+FIRST_COLUMNS = 't,q_', 't,"q_'
+SUMMARY_BYTES = 20_000
+"""At the end of an MCAP file, with its topics and types in plain bytes."""
 SIGNALS = ('q', 'dq', 'ddq')
 
 
@@ -51,8 +54,11 @@ def is_motion(path: Path) -> bool:
     """Whether a file is a motion that this module wrote."""
     with open(path, 'rb') as file:
         head = file.read(100)
-    beginnings = FIRST_LINE.encode(), FIRST_COLUMN.encode(), b'\x89MCAP'
-    return head.startswith(beginnings)
+        if head.startswith(b'\x89MCAP'):
+            file.seek(-min(SUMMARY_BYTES, path.stat().st_size), os.SEEK_END)
+            end = file.read()
+            return TOPIC.encode() in end and b'sensor_msgs' not in end
+    return head.startswith(tuple(each.encode() for each in (FIRST_LINE, *FIRST_COLUMNS)))
 
 
 def write_yaml(path: str, trajectory: Trajectory) -> None:
@@ -63,7 +69,7 @@ def write_yaml(path: str, trajectory: Trajectory) -> None:
 def to_yaml(trajectory: Trajectory) -> str:
     """Return the message in YAML."""
     lines = [FIRST_LINE, 'header: {stamp: {sec: 0, nanosec: 0}, frame_id: ""}']
-    lines += [f'joint_names: {json.dumps(list(trajectory.joint_names))}', 'points:']
+    lines += [f'joint_names: {json.dumps(trajectory.joint_names, ensure_ascii=False)}', 'points:']
     for t, q, dq, ddq in zip(*trajectory[1:], strict=True):
         seconds, nanoseconds = divmod(round(1e9 * t), 10**9)
         lines += [

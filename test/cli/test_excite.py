@@ -64,7 +64,7 @@ def test_a_demand_that_leaves_no_motion_gets_a_sentence(files: Path, capsys: Cap
     assert main(arguments) == 1
     assert capsys.readouterr().err == (
         "lip_id: error: the posture of joint 'lift' must be between its position limits -0.85 and "
-        '1.85, but is 3; move it, or widen motion.lower and motion.upper.\n'
+        '1.85, and 0.0027 from each, but is 3; move it, or widen motion.lower and motion.upper.\n'
     )
 
 

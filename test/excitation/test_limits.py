@@ -155,7 +155,11 @@ REFUSED: dict[str, tuple[MotionSettings, str]] = {
     ),
     'posture outside': (
         MotionSettings(lower=(-1.0,), upper=(1.0,), velocity=(1.0,), posture=(0.0, 0.0, 1.0)),
-        "the posture of joint 'slide' must be between its position limits -1 and 1, but is 1; mo",
+        "the posture of joint 'slide' must be between its position limits -1 and 1, and 0.002 fr",
+    ),
+    'posture at a limit': (
+        MotionSettings(lower=(-1.0,), upper=(1.0,), velocity=(1.0,), posture=(0.0, -0.9999, 0.0)),
+        r"the posture of joint 'lift' .*, and 0\.002 from each, but is -0\.9999; move it, or w",
     ),
 }
 

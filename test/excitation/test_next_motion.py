@@ -26,6 +26,7 @@ from lip_id_ros.excitation.constraints import (
 )
 from lip_id_ros.excitation.expected_error import ExpectedError, Information, States
 from lip_id_ros.excitation.joint_limits import JointLimits
+from lip_id_ros.excitation.motion_tables import gain_lines
 from lip_id_ros.excitation.planning import wanted_motions
 from lip_id_ros.excitation.series import FourierMotion, LimitedMotions
 from lip_id_ros.friction.model import FrictionModel, plain_friction
@@ -127,6 +128,17 @@ def test_a_posture_that_cannot_be_held_is_refused() -> None:
         lip.design_motion(replace(QUICK, motion=motion), ARM, model())
 
 
+def test_limits_that_leave_no_motion_are_refused() -> None:
+    still = np.abs(model().predict(*rest()).tau) + DEVIATIONS * model().torque_std(*rest())
+    nearly = 1.001 * still[0]
+    motion = replace(QUICK.motion, torque_limits=(*nearly.tolist(),))
+    with pytest.raises(lip.ConfigError, match=r'motion\.torque_limits must leave more than 1% of'):
+        lip.design_motion(replace(QUICK, motion=motion), ARM, model())
+    limits = replace(found().limits, torque=nearly)
+    with pytest.raises(lip.ConfigError, match=r'motion\.torque_limits leave no motion at this'):
+        next_size(model(), limits, found().motion.posture, 0.1)
+
+
 def test_the_penalty_has_the_gradient_of_differences() -> None:
     rng = np.random.default_rng(0)
     states = rng.uniform(0.1, 1.0, (3, 6, 3))
@@ -175,6 +187,8 @@ def test_each_criterion_is_best_by_its_own_measure() -> None:
         for each in (found(), other)
     ]
     assert values[0] < values[1]
+    assert gain_lines(found())[0].startswith('Expected squared error of torques after it: ')
+    assert gain_lines(other)[0].startswith('Geometric mean variance of parameters after it: ')
 
 
 def test_targets_are_states_of_a_data_set() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,9 @@ from rosbags.highlevel import AnyReader
 import yaml
 
 import lip_id_ros as lip
-from lip_id_ros.excitation.trajectory_file import is_motion
+from lip_id_ros.excitation.report import motion_figure
+from lip_id_ros.excitation.trajectory_file import is_motion, TOPIC, Trajectory, writer_for
+from lip_id_ros.recording.bag_writer import JointStateTrack, JointTrajectoryTrack, write_mcap
 
 QUICK = lip.ExcitationConfig(
     lip.MotionSettings(duration_s=4.0, rate_hz=50.0),
@@ -134,6 +137,47 @@ def test_csv_has_a_column_for_each_signal(tmp_path: Path, found: lip.ExcitingMot
     assert header[:5] == ['t', 'q_turn', 'q_lift', 'q_slide', 'dq_turn']
     table = np.loadtxt(path, delimiter=',', skiprows=1)
     np.testing.assert_array_equal(table, np.column_stack(found.trajectory[1:]))
+
+
+def test_odd_names_are_written_and_known_again(tmp_path: Path) -> None:
+    names = ('a,b', '"q"', 'é\U0001f600', 'null')
+    states = np.zeros((3, 2, 4))
+    for suffix in ('yaml', 'csv'):
+        path = tmp_path / f'motion.{suffix}'
+        writer_for(str(path))(str(path), Trajectory(names, np.arange(2.0), *states))
+        assert is_motion(path)
+    message = yaml.safe_load((tmp_path / 'motion.yaml').read_text())
+    assert tuple(message['joint_names']) == names
+    with open(tmp_path / 'motion.csv', newline='') as file:
+        header = next(csv.reader(file))
+    assert header[1:5] == [f'q_{name}' for name in names]
+
+
+def test_a_recording_is_no_motion_that_may_be_replaced(tmp_path: Path) -> None:
+    path = tmp_path / 'motion.mcap'
+    zero = np.zeros((1, 1))
+    planned = JointTrajectoryTrack(TOPIC, ('a',), np.zeros(1), zero, zero, zero)
+    write_mcap(path, [planned])
+    assert is_motion(path)
+    write_mcap(path, [planned, JointStateTrack('/joint_states', ('a',), np.zeros(1), zero)])
+    assert not is_motion(path)
+
+
+def test_a_fast_motion_is_seen_and_written_at_enough_times() -> None:
+    motion = lip.MotionSettings(('a',), lower=(-1.0,), upper=(1.0,), velocity=(1.0,))
+    motion = replace(motion, duration_s=0.1, jerk=(1e5,), acceleration=(1e3,), rate_hz=250.0)
+    settings = lip.ExcitationConfig(motion, search=lip.SearchSettings(draws=2, starts=1, steps=0))
+    found = lip.design_motion(settings)
+    q = found.motion.derivative(found.motion.times(1e6), 0)
+    way = np.ptp(q)
+    assert np.ptp(found.position_ends) == pytest.approx(way, rel=1e-3)
+    positions = motion_figure(found).axes[0].lines[0].get_ydata()
+    assert np.ptp(np.asarray(positions)) == pytest.approx(way, rel=1e-3)
+    slow = replace(settings, motion=replace(motion, rate_hz=249.0))
+    with pytest.raises(
+        lip.ConfigError, match=r'motion\.rate_hz must be at least 250 for a motion'
+    ):
+        lip.design_motion(slow)
 
 
 def test_other_suffixes_are_refused(found: lip.ExcitingMotion) -> None:
