@@ -140,23 +140,53 @@ def begins_of_states(q: Array, dq: Array, ddq: Array, revolute: BoolArray) -> Bo
         return None
     speed = np.sqrt(np.mean(dq**2, axis=0))
     scale = np.where(speed > 0.0, speed, np.inf)
-    dx, dv = unwrapped(np.diff(q, axis=0), revolute) / scale, np.diff(dq, axis=0) / scale
-    v, a = ((0.5 * (x[1:] + x[:-1])) / scale for x in (dq, ddq))
-    rests = np.abs(v).max(axis=1) < AT_REST
-    with np.errstate(divide='ignore', invalid='ignore'):
-        step = np.sum(dx * v, axis=1) / np.sum(v**2, axis=1)
-        follows = _norm(dx - v * step[:, None]) <= ALIGNED * _norm(dx)
-        agrees = _norm(dv - a * step[:, None]) <= AGREE * (_norm(dv) + _norm(a) * step)
-    moves = ~rests & follows & agrees & (step > 0.0) & (step <= LONGEST_GAP_S)
+    step, way, rests, rate = _compared(q, dq, ddq, scale, revolute)
+    moves = (step > 0.0) & (step <= LONGEST_GAP_S)
     if not moves.any() or moves.sum() < LEAST_CONTINUING * np.count_nonzero(~rests):
         return None
-    usual, rows = float(np.median(step[moves])), _norm(dq / scale)
-    farthest = FARTHEST * usual * (np.maximum(rows[1:], rows[:-1]) + SLOWEST)
-    return np.concatenate([np.ones(1, dtype=np.bool_), ~(_norm(dx) <= farthest)])
+    farthest = FARTHEST * np.median(step[moves]) * (np.maximum(rate[1:], rate[:-1]) + SLOWEST)
+    return np.concatenate([np.ones(1, dtype=np.bool_), ~(way <= farthest)])
 
 
-def _norm(rows: Array) -> Array:
-    return np.asarray(np.linalg.norm(rows, axis=1))
+@jit
+def _compared(
+    q: Array, dq: Array, ddq: Array, scale: Array, revolute: BoolArray
+) -> tuple[Array, Array, BoolArray, Array]:
+    """
+    Compare rows with the next, in units of the scale.
+
+    Return the time step that leads there, nan where none does or the arm rests; the way; whether
+    it rests, each (N - 1,); and the speeds (N,).
+    """
+    count, n = q.shape
+    step, way = np.full(count - 1, np.nan), np.zeros(count - 1)
+    rests, rate = np.ones(count - 1, dtype=np.bool_), np.zeros(count)
+    dx, dv, v, a = np.empty((4, n))
+    for t in range(count):
+        for j in range(n):
+            rate[t] += (dq[t, j] / scale[j]) ** 2
+    for t in range(count - 1):
+        along = speed = turned = change = aside = beside = 0.0
+        for j in range(n):
+            dx[j], dv[j] = q[t + 1, j] - q[t, j], (dq[t + 1, j] - dq[t, j]) / scale[j]
+            if revolute[j] and abs(dx[j]) > 0.5 * TURN:
+                dx[j] -= TURN * np.round(dx[j] / TURN)
+            dx[j] /= scale[j]
+            v[j] = 0.5 * (dq[t + 1, j] + dq[t, j]) / scale[j]
+            a[j] = 0.5 * (ddq[t + 1, j] + ddq[t, j]) / scale[j]
+            rests[t] &= abs(v[j]) < AT_REST
+            way[t] += dx[j] ** 2
+            along, speed = along + dx[j] * v[j], speed + v[j] ** 2
+            turned, change = turned + dv[j] ** 2, change + a[j] ** 2
+        leads = along / speed
+        for j in range(n):
+            aside += (dx[j] - v[j] * leads) ** 2
+            beside += (dv[j] - a[j] * leads) ** 2
+        most = AGREE * (np.sqrt(turned) + np.sqrt(change) * leads)
+        if not rests[t] and aside <= ALIGNED**2 * way[t] and np.sqrt(beside) <= most:
+            step[t] = leads
+    way, rate = np.sqrt(way), np.sqrt(rate)
+    return step, way, rests, rate
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -10,12 +12,17 @@ from scipy.integrate import solve_ivp
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.friction.dahl import (
+    _compared,
+    AGREE,
+    ALIGNED,
+    AT_REST,
     BEFORE_S,
     begins_of_states,
     begins_of_times,
     dahl_states,
     Steps,
     unknown_share,
+    unwrapped,
 )
 from lip_id_ros.joint_history import DISPLACEMENTS
 
@@ -135,6 +142,37 @@ def test_rows_that_follow_from_velocities_are_one_motion(joints: int) -> None:
     begins = begins_of_states(q, dq, ddq, turning(q.shape[1]))
     assert begins is not None
     assert np.flatnonzero(begins).tolist() == [0]
+
+
+@given(st.integers(0, 10_000), st.integers(2, 40), st.integers(1, 8), st.floats(0.0, 0.2))
+def test_rows_are_compared_as_in_numpy(seed: int, count: int, joints: int, noise: float) -> None:
+    rng = np.random.default_rng(seed)
+    _, q, dq, ddq = path(seed, count, joints)
+    dq = dq + noise * rng.standard_normal(dq.shape)
+    q[rng.uniform(size=q.shape) < 0.05] += 2.0 * np.pi
+    q[rng.uniform(size=q.shape) < 0.01] = np.nan
+    dq[count // 3 : count // 2], dq[:, rng.integers(joints)] = 0.0, 0.0
+    speed, revolute = np.sqrt(np.mean(dq**2, axis=0)), rng.uniform(size=joints) < 0.7
+    scale = np.where(speed > 0.0, speed, np.inf)
+    dx, dv = unwrapped(np.diff(q, axis=0), revolute) / scale, np.diff(dq, axis=0) / scale
+    v, a = (0.5 * (x[1:] + x[:-1]) / scale for x in (dq, ddq))
+    rests = np.abs(v).max(axis=1) < AT_REST
+    with np.errstate(divide='ignore', invalid='ignore'):
+        step = np.sum(dx * v, axis=1) / np.sum(v**2, axis=1)
+        follows = norm(dx - v * step[:, None]) <= ALIGNED * norm(dx)
+        agrees = norm(dv - a * step[:, None]) <= AGREE * (norm(dv) + norm(a) * step)
+    leads = np.where(~rests & follows & agrees, step, np.nan)
+    every: Any = zip(
+        _compared(q, dq, ddq, scale, revolute),
+        (leads, norm(dx), rests, norm(dq / scale)),
+        strict=True,
+    )
+    for found, plain in every:
+        np.testing.assert_allclose(found, plain, rtol=1e-9, atol=1e-12)
+
+
+def norm(rows: Array) -> Array:
+    return np.asarray(np.linalg.norm(rows, axis=1))
 
 
 def test_a_motion_ends_where_positions_jump() -> None:
