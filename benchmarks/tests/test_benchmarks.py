@@ -17,6 +17,7 @@ from ros_domain import free_domain
 
 from benchmarks import (
     c_against_pinocchio,
+    deviations,
     long_recording,
     panda_monte_carlo,
     real_arms,
@@ -96,6 +97,13 @@ def test_rows_of_real_arms_are_those_of_the_pages() -> None:
         '| all joints | rigid_body | 0.71 |',
     ]
     assert list(real_arms.plain(rows)) == ['| UR10, last | 2.5 |  | 2 | 5 |  | 1.25 |']
+
+
+def test_true_deviations_are_as_large_as_few_errors() -> None:
+    errors = np.random.default_rng(0).standard_normal((20_000, 3))
+    ratios = 1.0 / np.sqrt(np.mean(errors**2, axis=1, keepdims=True))
+    assert np.mean(ratios) == pytest.approx(1.38, abs=0.02)
+    assert deviations.pooled(ratios)[0] == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_page_has_the_result_of_every_benchmark() -> None:

@@ -248,6 +248,8 @@ def score_inflation(
     parameters, measured in their covariance (Liang and Zeger, Biometrika 1986; White,
     Econometrica 1982).
     """
+    if len(grams) == 1:  # the score of all samples together is that of the prior
+        return 1.0
     blocks = np.tensordot(grams, noise_std**-2.0, axes=(1, 0))
     scores = blocks[:, :-1, -1] - blocks[:, :-1, :-1] @ parameters
     shares = covariance @ blocks[:, :-1, :-1]

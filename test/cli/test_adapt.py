@@ -10,6 +10,8 @@ from adaptation.arms import known_model, NOISE, stream, TYPES, with_friction
 import numpy as np
 import pytest
 
+from lip_id_ros.adaptation.replay import replay
+from lip_id_ros.adaptation.report import friction_figure
 from lip_id_ros.cli import main
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.model import InverseDynamicsModel
@@ -49,6 +51,10 @@ def test_a_warm_arm_is_followed_and_its_model_written(
     assert cold['trusted_percent'] < 100.0 == cold['learned_percent']
     ratios = np.divide(warm['nmse_percent'], warm['frozen_nmse_percent'])
     assert (ratios < 0.5).all()
+    rows = [line.split('│')[2:4] for line in shown.splitlines() if 'joint_1 ' in line]
+    figures_shown = [float(cell) for cell in rows[1]]
+    expected = warm['frozen_nmse_percent'][0], warm['nmse_percent'][0]
+    assert figures_shown == pytest.approx(expected, rel=0.01)
     assert {each['joint'] for each in found['changes']} == {'joint_1', 'joint_2', 'joint_3'}
     page = (tmp_path / 'page' / 'index.html').read_text()
     assert 'An arm that changes' in page
@@ -56,6 +62,20 @@ def test_a_warm_arm_is_followed_and_its_model_written(
     after = stream(with_friction(known_model(), 0.6), 20.0, seed=3)
     error = InverseDynamicsModel.load(now).predict(*after[1:4]).tau - after.tau
     assert np.sqrt(np.mean(error**2)) < 1.2 * NOISE
+
+
+def test_the_friction_that_is_drawn_is_that_at_a_usual_speed(day: Path) -> None:
+    model = InverseDynamicsModel.load(day / 'arm.npz')
+    found = replay(model, Dataset.load(day / 'cold.npz'), 0.0)
+    assert model.arm is not None
+    zero = np.zeros((1, len(TYPES)))
+    for joint, panel in enumerate(friction_figure(found).axes):
+        speed = found.adaptation.arm.speed * np.eye(len(TYPES))[joint, None]
+        ways = [model.arm.friction.torque(zero, dq, zero, zero) for dq in (speed, -speed)]
+        expected = 0.5 * (ways[0] - ways[1])[0, joint]
+        learned, fitted, *_ = (np.asarray(line.get_ydata()) for line in panel.get_lines())
+        np.testing.assert_allclose(fitted, expected)
+        np.testing.assert_allclose(learned, expected, rtol=0.2)
 
 
 def test_an_arm_that_has_not_changed_is_said_to_be_the_same(

@@ -174,7 +174,10 @@ def test_dataset_keeps_joints_and_types(workshop: Workshop, here: Path, capsys: 
     data = Dataset.load('data.npz')
     assert data.joint_names == ('wrist',)
     assert set(data.segment.tolist()) == {0, 1}
-    assert 'uninterrupted segments: 2' in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert 'uninterrupted segments: 2' in shown
+    for values, unit in ((data.q, 'rad'), (data.dq, 'rad/s'), (data.tau, 'N m')):
+        assert f' {values.min():.3g} to {values.max():.3g} {unit} ' in shown
 
 
 def test_a_csv_data_set_is_a_source(workshop: Workshop, here: Path) -> None:

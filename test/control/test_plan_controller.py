@@ -431,6 +431,12 @@ def test_an_arm_that_leaves_the_plan_is_let_go() -> None:
     )
 
 
+def test_each_joint_has_its_own_tolerance() -> None:
+    arm = holding(replace(DEFAULTS, path_tolerance=(0.05, 0.2)))
+    arm.torques(measured(0.201, [0.1, 1.15], [0.0, 0.0]))
+    assert 'from joint a, more than the tolerance of 0.05' in arm.status().summary
+
+
 def test_a_plan_without_efforts_takes_over_in_a_ramp_within_the_rates() -> None:
     arm = holding(replace(DEFAULTS, ramp_s=0.1))
     arm.take([replace(point, effort=[]) for point in STILL])

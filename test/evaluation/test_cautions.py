@@ -25,7 +25,7 @@ from lip_id_ros.evaluation import (
     score,
 )
 from lip_id_ros.evaluation.cautions import summary_cautions
-from lip_id_ros.evaluation.recording_health import finding_lines
+from lip_id_ros.evaluation.recording_health import finding_lines, health_table
 from lip_id_ros.evaluation.report import Labels, write_report
 from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
@@ -235,3 +235,8 @@ def test_an_evaluation_of_training_data_is_a_caution_of_its_fit() -> None:
     judged = evaluate(model, data)
     assert judged.cautions
     assert fit_cautions(model, judged)[-1] in judged.cautions
+
+
+def test_efforts_are_explained_in_percent() -> None:
+    table = health_table({'lift': {'effort_explained': 0.25, 'velocity_rms': 0.5}})
+    assert table.rows == [('lift', '0.5', '25 %')]

@@ -22,6 +22,7 @@ from lip_id_ros.evaluation.report import Band, band, figures, Labels, write_repo
 from lip_id_ros.evaluation.report.recording_report import motion, signals, write_recording_report
 from lip_id_ros.evaluation.report.style import broken_at, MOST_POINTS, shown_rows, times
 from lip_id_ros.health import evidence_of, health
+from lip_id_ros.model import Prediction
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import RecordingSettings
 
@@ -123,6 +124,18 @@ def test_true_potential_energy_is_moved_onto_the_estimate() -> None:
         np.asarray(curves['true'].get_ydata()),
         np.asarray(curves['predicted, potential'].get_ydata()),
     )
+
+
+def test_friction_is_what_the_links_leave() -> None:
+    data = swing(1)
+    outcome, _ = assessed(data, Knowing(torque_error=0.1))
+    prediction = outcome.prediction
+    assert isinstance(prediction, Prediction)
+    panel = figures.friction(outcome, prediction).axes[0]
+    measured, predicted = (np.asarray(line.get_ydata()) for line in panel.get_lines())
+    links = prediction.tau - prediction.friction
+    np.testing.assert_allclose(measured, (data.tau - links)[:, 0])
+    np.testing.assert_allclose(predicted, 0.1)
 
 
 def test_without_truth_or_potential_energy_there_is_one_panel() -> None:

@@ -198,7 +198,7 @@ def test_targets_are_states_of_a_data_set() -> None:
     learning = lip.design_motion(QUICK, ARM, model(), data).learning
     assert learning is not None
     assert learning.targets[0].shape == (600, 3)
-    np.testing.assert_array_equal(learning.targets[0][0], q[0, ::-1])
+    np.testing.assert_array_equal(learning.targets[0][[0, -1]], q[[0, -1], ::-1])
     with pytest.raises(lip.DataError, match='targets of a motion must be a Dataset, not 3; use'):
         lip.design_motion(QUICK, ARM, model(), 3)  # type: ignore[arg-type]
 

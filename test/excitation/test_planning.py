@@ -14,7 +14,8 @@ from rosbags.highlevel import AnyReader
 import yaml
 
 import lip_id_ros as lip
-from lip_id_ros.excitation.report import motion_figure
+from lip_id_ros.excitation.motion_tables import motion_table
+from lip_id_ros.excitation.report import criterion_figure, motion_figure
 from lip_id_ros.excitation.trajectory_file import is_motion, TOPIC, Trajectory, writer_for
 from lip_id_ros.recording.bag_writer import JointStateTrack, JointTrajectoryTrack, write_mcap
 
@@ -33,6 +34,22 @@ def test_a_designed_motion_is_better_than_those_drawn(found: lip.ExcitingMotion)
     assert found.design.criterion < found.design.random_criteria.min()
     to_mean, to_best = found.gains
     assert to_mean < to_best < 1.0
+    ours, random = np.exp(found.design.criterion), np.exp(found.design.random_criteria)
+    np.testing.assert_allclose(found.gains, (ours / random.mean(), ours / random.min()))
+    (panel,) = criterion_figure(found).axes
+    shown = np.asarray(panel.get_lines()[0].get_xdata())
+    np.testing.assert_allclose(shown, random / ours)
+
+
+def test_largest_values_are_shown_beside_their_limits(found: lip.ExcitingMotion) -> None:
+    t = np.linspace(0.0, 4.0, 4001)
+    rows = motion_table(found).rows
+    for order, limits in enumerate(found.limits.derivatives, start=1):
+        largest = np.abs(found.motion.derivative(t, order)).max(axis=0)
+        for row, value, limit in zip(rows, largest, limits, strict=True):
+            peak, bound = row[3 + order].split(' of ')
+            assert float(peak) == pytest.approx(value, rel=0.01)
+            assert float(bound) == pytest.approx(limit, rel=0.01)
 
 
 def test_the_same_seed_gives_the_same_motion(found: lip.ExcitingMotion) -> None:

@@ -188,6 +188,11 @@ def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert franka['mass'] == ur['mass'] == content['mass']
     assert [*ur['center_of_gravity'].values()] == franka['center_of_mass']
     assert franka['center_of_mass'] == content['centre_of_mass']
+    for axis, *of_axis in zip(
+        'xyz', content['centre_of_mass'], content['centre_of_mass_std'], strict=True
+    ):
+        value, std = (f'{each:.4f} m' for each in of_axis)
+        assert f'centre of mass, {axis} │ {value} │ {std} │' in shown
     np.testing.assert_array_equal(
         np.reshape(franka['load_inertia'], (3, 3)),
         [[inertia[x] for x in row] for row in (('xx', 'xy', 'xz'), ('xy', 'yy', 'yz'),

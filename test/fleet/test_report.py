@@ -32,6 +32,8 @@ def test_the_page_holds_what_came_of_each_recording(tmp_path: Path) -> None:
     assert data['reasons'] == [each.reason for each in result.recordings]
     friction = np.frombuffer(base64.b64decode(str(data['friction']))).reshape(40, -1)
     np.testing.assert_array_equal(friction, [each.friction for each in result.recordings])
+    np.testing.assert_array_equal(data['betweenRecordings'], result.deviation_of_recordings)
+    np.testing.assert_array_equal(data['betweenRobots'], result.deviation_of_groups)
 
 
 def test_a_log_has_no_time_of_day(tmp_path: Path) -> None:

@@ -45,6 +45,13 @@ def write_temperatures(folder: Path, values: list[float]) -> None:
             writer.write(connection, k, ROS2.serialize_cdr(message, TEMPERATURE))
 
 
+def test_gaps_are_no_part_of_a_recording() -> None:
+    motion = data()
+    late = np.arange(400) >= 100
+    apart = replace(motion, t=motion.t + 60.0 * late, segment=late.astype(np.int64))
+    assert_allclose(survey_of(apart, 'name', 'group').seconds, motion.t[-1] - 1.0 / 50.0)
+
+
 def test_a_bag_is_surveyed_with_rate_start_and_health(tmp_path: Path) -> None:
     motion = data()
     write_bag(tmp_path / 'bag', motion, start=1000.0)

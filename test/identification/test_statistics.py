@@ -180,6 +180,16 @@ def test_scores_of_blocks_by_their_definition() -> None:
     assert whole == pytest.approx(ratio / (1.0 + inside * ratio), rel=1e-9)
 
 
+def test_a_single_block_shows_no_correlation() -> None:
+    """Parameters far from their prior are no noise that lasts."""
+    features, tau = samples(120)
+    rows = np.concatenate([features[0], tau[:, :1]], axis=1)
+    prior = np.column_stack([np.diag(1.0 / PRIOR[COLUMNS[0]]), np.full(COLUMNS[0].size, 30.0)])
+    grams = (rows.T @ rows)[None, None]
+    fit = solved(grams[0], prior, NOISE[:1])
+    assert score_inflation(grams, *fit, NOISE[:1], 0.05) == 1.0
+
+
 @pytest.mark.parametrize('together', [1, 6])
 def test_variances_are_true_where_noise_is_correlated(together: int) -> None:
     """Of torques that slow features make, over 20 draws of white noise and of moving averages."""

@@ -21,6 +21,7 @@ from lip_id_ros.loading.data_settings import (
     Selected,
 )
 from lip_id_ros.loading.delay_selection import fewest
+from lip_id_ros.loading.left_out_torques import LeftOutTorques
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.preprocessing.smoothing import resample, resample_early
 from lip_id_ros.recording import JointSamples
@@ -101,6 +102,13 @@ def test_a_shift_beyond_the_samples_repeats_the_last() -> None:
     np.testing.assert_array_equal(early[:, 0], resample(t, values, t)[:, 0])
     np.testing.assert_allclose(early[:-2, 1], 2.0 * (t[:-2] + 0.15))
     np.testing.assert_array_equal(early[-2:, 1], 2.0 * t[-1])
+
+
+def test_what_is_left_unexplained_is_a_geometric_mean_of_joints() -> None:
+    judge = LeftOutTorques.__new__(LeftOutTorques)
+    judge._size = np.array([10.0, 1.0])
+    squares = np.array([[0.5, 0.36], [1.5, 0.36]])  # of two blocks: 1 and 36 % of the variances
+    assert judge.percent(squares) == pytest.approx(6.0)
 
 
 def test_delays_of_single_joints_or_one_of_all_whichever_are_fewer() -> None:

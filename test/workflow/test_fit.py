@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,10 +14,11 @@ import lip_id_ros as lip
 from lip_id_ros import identification
 from lip_id_ros.errors import ConfigError, DataError
 from lip_id_ros.evaluation import evaluate
-from lip_id_ros.loading import load_dataset
+from lip_id_ros.loading import examined, load_dataset
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.settings import Config, FitSettings, PreprocessingSettings
 from lip_id_ros.simulation import write_bag
+from lip_id_ros.workflow import fit as workflow
 from lip_id_ros.workflow.fit import learn_from
 
 QUICK = FitSettings(kernel='recursive', subset=25, max_samples=50, iterations=5)
@@ -43,6 +45,20 @@ def test_the_last_share_is_held_out_and_what_rests_is_judged_but_not_learned(bag
     assert learned.evaluation.to_json() == evaluate(plain, rest).to_json()
     assert 'held_out' in learned.model.summary
     assert any('samples of the same recording' in text for text in learned.cautions)
+
+
+def test_preprocessing_is_selected_without_what_is_held_out(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shares = list[float]()
+
+    def loaded(*arguments: Any) -> lip.Dataset:
+        shares.append(arguments[-1])
+        return examined.load_dataset(*arguments)
+
+    monkeypatch.setattr(workflow, 'load_dataset', loaded)
+    learn_from(bag, CONFIG, holdout=0.3)
+    assert shares == [0.7]
 
 
 def test_python_leaves_out_what_the_command_line_leaves_out(bag: Path) -> None:
