@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 import json
 import math
@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -48,7 +49,10 @@ def main(request: dict[str, Any]) -> dict[str, Any]:
     rates = [0.0] if request['updates_hz'] is None else [0.0, request['updates_hz']]
     turns: dict[float, list[Turn]] = {rate: [] for rate in rates}
     updates = Updates(node, request['model'], seconds * rates[-1])
-    with serving(request['model'], request['executor'], rates[-1] > 0.0) as process, spun(node):
+    own = {'follow_adaptation': json.dumps(rates[-1] > 0.0)}
+    if request['deviations_hz'] is not None:
+        own |= {'publish_std': 'true', 'std_rate_hz': str(request['deviations_hz'])}
+    with serving(request['model'], request['executor'], own) as process, spun(node):
         client.wait_for_answer()
         count = max(1, round(seconds / TURN_S))
         for rate in rates * count:
@@ -58,8 +62,8 @@ def main(request: dict[str, Any]) -> dict[str, Any]:
         time.sleep(LAST_SECONDS)
     followed = {0.0: 0, rates[-1]: updates.followed}
     rows = [
-        {**request, 'updates_hz': rate, 'followed': followed[rate], **client.figures(own)}
-        for rate, own in turns.items()
+        {**request, 'updates_hz': rate, 'followed': followed[rate], **client.figures(those)}
+        for rate, those in turns.items()
     ]
     return {'rows': rows}
 
@@ -136,6 +140,10 @@ class Client:
         node.create_subscription(
             JointState, '/serve/feedforward_torque', self._receive, qos.OUTPUT, raw=True
         )
+        self._deviations = 0
+        node.create_subscription(
+            JointState, '/serve/torque_std', self._count, qos.OUTPUT, raw=True
+        )
         self._references = [bytearray(serialize_message(each)) for each in references()]
         self._sent: list[float] = []
         self._answers: list[tuple[float, bytes]] = []
@@ -184,8 +192,12 @@ class Client:
             'answer_ms_median': float(np.median(ms)),
             'answer_ms_p99': float(np.percentile(ms, 99)),
             'answer_ms_max': max(ms),
+            'deviations': self._deviations,
             'serve_cpu_percent': 100.0 * sum(turn.cpu for turn in turns) / elapsed,
         }
+
+    def _count(self, message: bytes) -> None:
+        self._deviations += 1
 
     def _receive(self, message: bytes) -> None:
         self._answers.append((time.perf_counter(), message))
@@ -223,7 +235,7 @@ def safe(answer: JointState) -> bool:
 
 
 def serving(
-    model: str, executor: str, follows: bool = False
+    model: str, executor: str, own: Mapping[str, str] = MappingProxyType({})
 ) -> AbstractContextManager[subprocess.Popen[bytes]]:
     """Run `serve` while the block runs."""
     return running(
@@ -232,10 +244,10 @@ def serving(
             'model_path': model,
             'accept_unproven': 'true',  # its speed is measured, not its errors
             'executor': executor,
-            'follow_adaptation': json.dumps(follows),
             'torque_limits': json.dumps(LIMITS),
             'ramp_s': '0.0',
             'joints': json.dumps(list(panda().joint_names)),
+            **own,
         },
     )
 
@@ -251,9 +263,11 @@ def spun(node: Node) -> Iterator[None]:
 
 
 def cpu_seconds(pid: int) -> float:
-    """Return the processor time of a process so far [s]."""
+    """Return the processor time of a process and of those it has started, so far [s]."""
     fields = Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+    own = (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+    children = Path(f'/proc/{pid}/task/{pid}/children').read_text().split()
+    return own + sum(cpu_seconds(int(child)) for child in children)
 
 
 if __name__ == '__main__':

@@ -26,6 +26,7 @@ COLUMNS = {
     'executor': 'executor',
     'rate_hz': 'Hz',
     'updates_hz': 'updates Hz',
+    'deviations_hz': 'std Hz',
     'followed': 'followed',
     'sent_per_second': 'sent per s',
     'lost': 'lost',
@@ -33,6 +34,7 @@ COLUMNS = {
     'answer_ms_median': 'median ms',
     'answer_ms_p99': '99 % ms',
     'answer_ms_max': 'max ms',
+    'deviations': 'std',
     'serve_cpu_percent': 'CPU %',
 }
 
@@ -44,6 +46,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument('--executors', nargs='+', choices=EXECUTORS, default=EXECUTORS)
     parser.add_argument('--middlewares', nargs='+', default=MIDDLEWARES)
     parser.add_argument('--updates', type=float, help='rate of updates of the model [Hz]')
+    parser.add_argument('--deviations', type=float, help='rate of standard deviations [Hz]')
     parser.add_argument('--seconds', type=float, default=10.0, help='of each row')
     parser.add_argument('--model', help='of the Panda; left out: one is fitted')
     parser.add_argument('--json', type=Path, help='also write the figures here')
@@ -61,6 +64,7 @@ def main(arguments: list[str]) -> int:
                     'executor': executor,
                     'rate_hz': rate_hz,
                     'updates_hz': options.updates,
+                    'deviations_hz': options.deviations,
                     'seconds': options.seconds,
                     'model': model,
                 },
