@@ -20,6 +20,7 @@ from lip_id_ros.excitation.expected_error import (
 from lip_id_ros.excitation.joint_limits import JointLimits
 from lip_id_ros.excitation.series import basis, evenly, FourierMotion, LimitedMotions
 from lip_id_ros.excitation.settings import ExcitationConfig, INFORMATION, SearchSettings
+from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.progress import Progress, silent
 
 RATE, DECAY, SQUARE_DECAY = 0.08, 0.8, 0.95
@@ -164,11 +165,13 @@ def first_criterion(
     )
 
 
-def next_criterion(config: ExcitationConfig, learner: KnownArm, targets: States) -> Criterion:
-    """Return the criterion of the settings for an arm that has been learned."""
+def next_criterion(
+    config: ExcitationConfig, learner: KnownArm, targets: States, count: float
+) -> Criterion:
+    """Return the criterion of the settings for an arm that has been learned; of `measurements`."""
     if config.search.criterion == INFORMATION:
-        return Information(learner, measurements(config), _samples(config))
-    return ExpectedError(learner, targets, measurements(config), _samples(config))
+        return Information(learner, count, _samples(config))
+    return ExpectedError(learner, targets, count, _samples(config))
 
 
 def usual_targets(config: ExcitationConfig, motions: LimitedMotions) -> States:
@@ -176,9 +179,17 @@ def usual_targets(config: ExcitationConfig, motions: LimitedMotions) -> States:
     return _random_targets(motions, _generator(config))
 
 
-def measurements(config: ExcitationConfig) -> float:
-    """Return how many states with independent noise a motion has."""
-    return config.motion.duration_s * INDEPENDENT_HZ
+def measurements(config: ExcitationConfig, model: InverseDynamicsModel | None = None) -> float:
+    """
+    Return how many states with independent noise a motion has.
+
+    After a model, as many a second as its fit has found: samples, less what its covariance was
+    inflated for because the noise of neighbours is alike.
+    """
+    rate, known = INDEPENDENT_HZ, {} if model is None else model.summary
+    if model is not None and known.get('motion_s') and 'covariance_inflation' in known:
+        rate = min(rate, model.n_samples / known['motion_s'] / known['covariance_inflation'])
+    return config.motion.duration_s * rate
 
 
 def _generator(config: ExcitationConfig) -> np.random.Generator:

@@ -196,17 +196,24 @@ def design_motion(
             names, types, limits, found, config.motion.rate_hz, chain, config.space
         )
     assert model.arm is not None, 'models without an arm have been refused'
+    if description is not None and types != model.joint_types:
+        raise DataError(
+            f'{description[1]} was expected to have joints of the types of the model, '
+            f'{", ".join(model.joint_types)}, but has {", ".join(types)}: limits in rad would be '
+            'taken for m; give the URDF of this arm, or fit again with the types of the joints.'
+        )
     learner, types = KnownArm(model.arm), model.joint_types
     states = (
         wanted_states(config, largest, posture) if targets is None else _states(targets, model)
     )
-    criterion = next_criterion(config, learner, states)
+    count = measurements(config, model)
+    criterion = next_criterion(config, learner, states, count)
     if chain is not None:
         chain = chain._replace(couplings=model.arm.chain.couplings)
     constraints = _constraints(config, chain, limits, model, apart)
     constraints.require_posture(posture)
     found = design(motions, criterion, config.search, progress, constraints)
-    learning = Learning(model, states, found.motion, measurements(config))
+    learning = Learning(model, states, found.motion, count)
     return ExcitingMotion(
         *(names, types, limits, found, config.motion.rate_hz, chain, config.space, learning),
         for_information=config.search.criterion == INFORMATION,

@@ -89,6 +89,17 @@ def test_what_is_expected_after_is_what_the_criterion_says() -> None:
 ZERO = np.zeros((3, 1, 3))
 
 
+def test_noise_that_lasts_leaves_more_unknown() -> None:
+    known = {'motion_s': 20.0, 'covariance_inflation': 20.0}
+    lasting = replace(model(), n_samples=2000, summary=known)
+    settings = replace(QUICK, search=replace(QUICK.search, steps=0))
+    white, other = (lip.design_motion(settings, ARM, each).learning for each in (model(), lasting))
+    assert white is not None
+    assert other is not None
+    assert (white.measurements, other.measurements) == (400.0, 20.0)
+    assert np.all(other.torque_std[1] > 2.0 * white.torque_std[1])
+
+
 def test_predicted_torques_keep_their_limits_with_three_deviations() -> None:
     free = used(found().motion, 1.0)
     tight = (*(0.6 * free).tolist(),)
@@ -207,6 +218,12 @@ def test_joints_are_those_of_the_model() -> None:
     motion = replace(QUICK.motion, joints=('turn', 'lift'))
     with pytest.raises(lip.ConfigError, match=r'must be those of the model, turn, lift, slide, '):
         lip.design_motion(replace(QUICK, motion=motion), ARM, model())
+
+
+def test_a_slide_of_the_urdf_is_no_joint_that_the_model_turns() -> None:
+    turned = replace(model(), joint_types=('revolute',) * 3)
+    with pytest.raises(lip.DataError, match='types of the model, revolute, revolute, revolute, b'):
+        lip.design_motion(QUICK, ARM, turned)
 
 
 def test_a_floor_holds_where_the_model_has_coupled_positions() -> None:
