@@ -8,6 +8,9 @@ from scipy.interpolate import CubicHermiteSpline
 from lip_id_ros.arrays import Array
 from lip_id_ros.excitation.trajectory_file import Trajectory
 
+CLOSING_S = 1.0
+"""From where the arm is to the motion: at 0.02 rad with 0.04 rad/s and 0.12 rad/s^2 at most."""
+
 State = tuple[Array, Array, Array]
 """q, dq and ddq, each (n,)."""
 
@@ -16,13 +19,14 @@ class StreamedMotion:
     """
     The states of a motion over time.
 
-    In the first `ramp` seconds the way from `position`, where the arm is, shape (n,), to the
+    In its first second, `closing`, the way from `position`, where the arm is, shape (n,), to the
     motion is closed by a polynomial whose velocity and acceleration are zero at both ends. From
     `halt` on the motion slows down along its path, and rests after `ramp` seconds.
     """
 
     def __init__(self, planned: Trajectory, position: Array, ramp: float) -> None:
         self._end, self._ramp = float(planned.t[-1]), ramp
+        self.closing = min(CLOSING_S, self._end)
         path = CubicHermiteSpline(planned.t, planned.q, planned.dq)
         speed = CubicHermiteSpline(planned.t, planned.dq, planned.ddq)
         self._path = path, speed, speed.derivative()
@@ -41,10 +45,10 @@ class StreamedMotion:
         """Return the state at a time after the start [s], each (n,)."""
         along, rate, slowing = self._time_law(t)
         q, dq, ddq = (of(along) for of in self._path)
-        share, by_t, by_tt = _closing(along / self._ramp)
+        share, by_t, by_tt = _closing(along / self.closing)
         q = q + share * self._away
-        dq = dq + by_t / self._ramp * self._away
-        ddq = ddq + by_tt / self._ramp**2 * self._away
+        dq = dq + by_t / self.closing * self._away
+        ddq = ddq + by_tt / self.closing**2 * self._away
         return q, rate * dq, rate**2 * ddq + slowing * dq
 
     def _time_law(self, t: float) -> tuple[float, float, float]:

@@ -32,7 +32,7 @@ def test_states_are_derivatives_of_one_another(seed: int, halted: float | None) 
         stream.halt(halted * end)
     scale = 1.0 + np.abs(path.ddq).max() / end
     for t in np.random.default_rng(seed).uniform(STEP, end + RAMP, 20):
-        corners = np.array([end, RAMP, *([] if halted is None else [halted * end])])
+        corners = np.array([end, stream.closing, *([] if halted is None else [halted * end])])
         if np.abs(t - np.append(corners, corners[-1] + RAMP)).min() < 3 * STEP:
             continue
         (q0, dq0, _), (q1, dq1, _) = stream.state(t - STEP), stream.state(t + STEP)
@@ -48,11 +48,20 @@ def test_it_begins_where_the_arm_is_and_then_follows_the_motion(seed: int) -> No
     q, dq, _ = stream.state(0.0)
     np.testing.assert_allclose(q, position, atol=1e-12)
     np.testing.assert_allclose(dq, 0.0, atol=1e-9)
-    for k in np.flatnonzero(path.t >= RAMP)[::50]:
+    for k in np.flatnonzero(path.t >= stream.closing)[::50]:
         q, dq, ddq = stream.state(path.t[k])
         np.testing.assert_allclose(q, path.q[k], atol=1e-9)
         np.testing.assert_allclose(dq, path.dq[k], atol=1e-9)
         np.testing.assert_allclose(ddq, path.ddq[k], atol=1e-6 * (1 + np.abs(path.ddq).max()))
+
+
+def test_a_short_stop_does_not_hurry_the_beginning() -> None:
+    t = np.linspace(0.0, 2.0, 201)
+    still = Trajectory(('a',), t, *np.zeros((3, 201, 1)))
+    stream = StreamedMotion(still, np.array([0.02]), 0.01)
+    states = np.abs([stream.state(each) for each in t]).max(axis=0)
+    assert states[1] < 0.04
+    assert states[2] < 0.12
 
 
 @given(SEEDS, st.floats(0.0, 1.0))
