@@ -153,6 +153,9 @@ def numbered(path: str, number: int) -> str:
     return os.fspath(place.with_name(f'{place.stem}_{number}{place.suffix}'))
 
 
+LEAST_LACKING = 0.01
+"""Of its way that a joint may lack because it sticks [rad or m], if not half."""
+
 INSTANTS = 5
 """Of the plan, between the earliest and the latest time that a joint state may be of."""
 
@@ -170,6 +173,7 @@ class MotionWatch:
     ) -> None:
         self._planned = planned
         self._tolerance, self._limits = tracking_tolerance, effort_limits
+        self._lowest, self._highest = np.full((2, len(planned.joint_names)), np.nan)
 
     @property
     def posture(self) -> Array:
@@ -188,6 +192,7 @@ class MotionWatch:
         By positions [rad or m] and efforts, (n,), at a time after its start [s] between two, of
         which nobody knows more; efforts may be empty where they have no limit.
         """
+        self._lowest, self._highest = np.fmin(self._lowest, q), np.fmax(self._highest, q)
         times = np.linspace(*since_start, INSTANTS)
         planned = np.array([np.interp(times, self._planned.t, way) for way in self._planned.q.T])
         away = np.maximum(planned.min(axis=1) - q, q - planned.max(axis=1))
@@ -198,6 +203,16 @@ class MotionWatch:
                 return 'the joint states have no effort, which effort_limits are for'
             return None
         return self._beyond(np.abs(np.asarray(effort)), self._limits, 'has an effort of {:.3g}')
+
+    def reason_to_distrust(self) -> str | None:
+        """Return which joint stood still within the tolerance while it should move, or None."""
+        planned, moved = np.ptp(self._planned.q, axis=0), self._highest - self._lowest
+        still = ~(planned - moved <= np.maximum(LEAST_LACKING, 0.5 * planned))
+        if not still.any():
+            return None
+        joint = int(np.argmax(still))
+        name = self._planned.joint_names[joint]
+        return f'{name} has moved {moved[joint]:.3g} of its {planned[joint]:.3g} in the motion'
 
     def _beyond(self, values: Array, limits: Array, what: str) -> str | None:
         # a value that is no number is beyond any limit

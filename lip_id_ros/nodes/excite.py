@@ -216,6 +216,8 @@ class ExciteNode(NodeBase):
         self._watch, self._moves = watch, True  # the arm may move before the answer comes
         await self._mover.execute(motion.trajectory, self._until)
         self._watch = None
+        if (reason := watch.reason_to_distrust()) is not None:
+            raise HaltError(reason)
 
     async def _settled(self) -> None:
         """Wait for the last joint states of the motion."""

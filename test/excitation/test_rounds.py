@@ -70,6 +70,25 @@ def test_a_joint_is_on_its_way_if_it_is_at_any_time_it_may_be_at() -> None:
     assert 'a is 0.12 away' in ahead
 
 
+@pytest.mark.parametrize(
+    ('ends', 'reason'),
+    [
+        ((0.0, 1.0), None),
+        ((0.3, 0.9), None),
+        ((0.3, 0.7), 'a has moved 0.4 of its 1 in the motion'),
+        ((), 'a has moved nan of its 1'),
+    ],
+)
+def test_a_joint_that_stood_still_has_not_executed_the_motion(
+    ends: tuple[float, ...], reason: str | None
+) -> None:
+    judged = watch(tracking=1.0)
+    for end in ends:
+        assert judged.reason_to_stop((0.0, 1.0), (end, 0.0), ()) is None
+    found = judged.reason_to_distrust()
+    assert found is None if reason is None else found is not None and reason in found
+
+
 def request(folder: Path, **changes: object) -> MotionRequest:
     settings = folder / 'excite.yaml'
     settings.write_text(SETTINGS)

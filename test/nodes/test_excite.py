@@ -147,6 +147,14 @@ def test_a_blocked_joint_stops_the_motion(ros: Ros, tmp_path: Path) -> None:
     client.status('train', lambda status: status['disturbed'] == 1)
 
 
+def test_a_joint_that_stands_still_in_a_small_motion_is_told(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    started(ros, tmp_path, ('-p', 'blocked_at:=0.0'), duration_s=2.0, first_size=0.3)
+    begin(client)
+    ended = client.status('excite', lambda status: status['stage'] in ('fitting', 'stopped'))
+    assert 'shoulder has moved 0 of its 0.0' in ended['summary']
+
+
 def test_an_arm_that_falls_silent_stops_the_motion(ros: Ros, tmp_path: Path) -> None:
     _, client = ros
     arm = started(ros, tmp_path, stale_timeout_s=0.5)
