@@ -120,6 +120,7 @@ def _random_motion(rng: np.random.Generator) -> tuple[ExcitationConfig, str]:
         posture=tuple(posture),
         duration_s=rng.uniform(0.3, 3.0),
         harmonics=int(rng.integers(2, 9)),
+        rate_hz=1000.0,
         lower=tuple(lower),
         upper=tuple(upper),
         velocity=tuple(largest[0]),

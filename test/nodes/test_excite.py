@@ -255,6 +255,7 @@ def test_a_fit_that_fails_as_the_last_one_is_not_awaited_either(ros: Ros, tmp_pa
     _, client = ros
     (tmp_path / 'broken.mcap').write_bytes(b'')
     started(ros, tmp_path, duration_s=1.0, bags=(str(tmp_path / 'broken.mcap'),))
+    client.limit_s = 120.0  # joint states keep busy a graph in which nothing else happens
     for _ in range(2):
         begin(client)
         client.status('excite', lambda status: status['stage'] not in ('idle', 'stopped'))
