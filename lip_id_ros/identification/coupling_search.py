@@ -53,10 +53,10 @@ EVALUATIONS, MINIMA = 20, 2
 FINALISTS, LAST_EVALUATIONS = 3, 60
 """Ratios that descend farther, and how far: short descents may order them wrongly."""
 
-HINT, PROBE = 0.1, 0.3
+HINT = 0.1
 """
-Least decrease of the logarithm of the cost of a trial that is worth trying more ratios, and that
-is worth a judgement.
+Least decrease of the logarithm of the cost of a trial that is worth trying more ratios, and a
+judgement.
 """
 
 SAMPLES, FOLDS, LEAST_FOLDS = 600, 6, 4
@@ -127,7 +127,7 @@ def promising(search: ArmSearch, found: Calibration) -> Coupling | None:
         order = np.argsort([*pool.map(cost, ratios)], kind='stable')[:FINALISTS]
         last = [ratios[k] for k in order]
         lowest = [*pool.map(partial(cost, evaluations=LAST_EVALUATIONS), last)]
-    return last[int(np.argmin(lowest))] if np.log(serial / min(lowest)) > PROBE else None
+    return last[int(np.argmin(lowest))] if np.log(serial / min(lowest)) > HINT else None
 
 
 def _neighbours(search: ArmSearch) -> Iterator[Coupling]:

@@ -93,8 +93,19 @@ def test_ratios_that_short_descents_order_wrongly_descend_farther(
 
     monkeypatch.setattr('lip_id_ros.identification.coupling_search._lowest_cost', lowest_cost)
     monkeypatch.setattr('lip_id_ros.identification.coupling_search.HINT', -np.inf)
-    monkeypatch.setattr('lip_id_ros.identification.coupling_search.PROBE', -np.inf)
     assert promising(search, calibration) == Coupling(1, 0, -1.0)
+
+
+def test_a_coupling_that_explains_a_little_is_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a geared wrist, whose coupling halves the error of one joint: a sixth of the cost."""
+    search = ArmSearch(ArmFitter(recording(arm_of(seed=3), noise=0.1)))
+    calibration = calibration_at(arm_of(seed=3).chain, search.search_samples())
+
+    def lowest_cost(samples: Samples, *others: object) -> float:
+        return 1.0 if samples.couplings.tolist() != [[2.0, 1.0, -0.5]] else 0.85
+
+    monkeypatch.setattr('lip_id_ros.identification.coupling_search._lowest_cost', lowest_cost)
+    assert promising(search, calibration) == Coupling(2, 1, -0.5)
 
 
 @pytest.mark.slow
