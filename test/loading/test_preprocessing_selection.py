@@ -51,6 +51,14 @@ def test_a_common_delay_beyond_that_of_single_drives_is_recovered() -> None:
 
 
 @pytest.mark.slow
+def test_a_drive_that_is_later_than_all_others_is_recovered() -> None:
+    delays = np.full(N_JOINTS, 0.04)
+    delays[1] += 0.01
+    found = selected(simulated(0, delays)).recording.effort_delay_s
+    np.testing.assert_allclose(found, delays, atol=2e-3)
+
+
+@pytest.mark.slow
 def test_no_delay_is_invented_and_noise_lowers_the_cutoff() -> None:
     clean, noisy = (selected(simulated(2, NONE, noise, 40)) for noise in (0.0, 2e-3))
     assert clean.recording.effort_delay_s == ()
