@@ -26,7 +26,7 @@ from lip_id_ros.fleet.survey import (
 )
 from lip_id_ros.identification.folds import new_motion_s
 from lip_id_ros.identification.linearisation import Linearisation
-from lip_id_ros.identification.total import FOLDS, RecordingFactors
+from lip_id_ros.identification.total import FOLDS, has_most, RecordingFactors
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.loading.data_settings import SECTIONS, selected_config
 from lip_id_ros.loading.load import read_raw
@@ -92,7 +92,9 @@ class Recordings:
         """Return the statistics of recordings in the order of their keys."""
         numbers = list(surveys)
         some = [self._part(k) for k in numbers]
-        blocks = FOLDS if len(surveys) <= 2 else 1  # one of two may fail
+        counts = np.array([each.n_samples for each in surveys.values()])
+        # one of two may fail
+        blocks = FOLDS if len(surveys) <= 2 or has_most(counts) else 1
         what = 'statistics', self.settings, linearisation_digest(around), blocks
         keys = [digest(*what, *_content(each)) for each in some]
         function = partial(_factors, around=around, blocks=blocks, config=self.config)

@@ -32,7 +32,7 @@ from lip_id_ros.identification.solution import (
     system_of,
 )
 from lip_id_ros.identification.statistics import LeftOut, solved, TorqueStatistics
-from lip_id_ros.identification.total import FOLDS, gather, Total
+from lip_id_ros.identification.total import FOLDS, gather, has_most, Total
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.rigid_body.denavit_hartenberg import DenavitHartenberg, table_std
@@ -94,12 +94,12 @@ def left_out_of(fitter: ArmFitter, fit: ArmFit) -> LeftOut:
 def total_of(fitter: ArmFitter, fit: ArmFit) -> Total:
     """Gather the statistics of all samples, by recordings; of a single one in parts."""
     dataset, robots = fitter.dataset, fitter.robots
-    around, numbers = around_fit(dataset, fit), np.unique(dataset.recording)
-    if numbers.size == 1:
-        return Total(around, [gather(dataset, around, FOLDS)])
+    around = around_fit(dataset, fit)
+    numbers, counts = np.unique(dataset.recording, return_counts=True)
+    blocks = FOLDS if has_most(counts) else 1
     parts = (dataset.select(dataset.recording == number) for number in numbers)
     groups = [robots[number] for number in numbers] if robots else None
-    return Total(around, [gather(part, around) for part in parts], groups)
+    return Total(around, [gather(part, around, blocks) for part in parts], groups)
 
 
 def around_fit(dataset: Dataset, fit: ArmFit) -> Linearisation:

@@ -72,6 +72,12 @@ def unpacked(triangles: Array, around: Linearisation, joint: int) -> Array:
 FOLDS = 6
 """Parts that are left out: of the recordings, or of the time of a single one."""
 
+MOST_LEFT_OUT = 2.0 / 3.0
+"""
+Share of all samples that a recording has at most to be left out whole. Of a longer one blocks are:
+the others would hardly predict it.
+"""
+
 TOGETHER = 32
 """Recordings whose factors are triangularised together."""
 
@@ -145,15 +151,16 @@ class Total:
 
     def folds(self, noise_std: Array, deviations: FrictionDeviations) -> list[TorqueStatistics]:
         """Return the statistics of parts that are left out, whitened likewise."""
-        if len(self.recordings) == 1:
-            only, total = self.recordings[0], np.zeros(self.around.n_friction)
-            triangles = only.triangles
-            parts, counts = np.arange(len(only.counts))[:, None].tolist(), only.counts
-        else:
-            total, counts = deviations.total, self.recording_counts
-            triangles = self._triangles
-            rows = np.arange(len(self.recordings))
-            parts = [part.tolist() for part in np.array_split(rows, min(FOLDS, rows.size))]
+        one = len(self.recordings) == 1
+        total = np.zeros(self.around.n_friction) if one else deviations.total
+        triangles, counts = self._triangles, self.recording_counts
+        longest = int(np.argmax(counts[:, 0]))
+        if has_most(counts[:, 0]):
+            blocks, others = self.recordings[longest], np.arange(len(counts)) != longest
+            triangles = np.concatenate([blocks.triangles, triangles[others]])
+            counts = np.concatenate([blocks.counts, counts[others]])
+        rows = np.arange(len(counts))
+        parts = [part.tolist() for part in np.array_split(rows, min(FOLDS, rows.size))]
         return [
             self._statistics(
                 [
@@ -220,6 +227,11 @@ class Total:
         for some in np.array_split(rows, -(-rows.size // TOGETHER)):
             for joint, (own, _) in enumerate(self.around.columns):
                 yield joint, some, own, unpacked(self._triangles[some], self.around, joint)
+
+
+def has_most(counts: Array | IntArray) -> bool:
+    """Return whether a recording has more samples, of (R,), than are left out."""
+    return bool(np.max(counts) > MOST_LEFT_OUT * np.sum(counts))
 
 
 def _merged(recording: RecordingFactors, around: Linearisation) -> Array:

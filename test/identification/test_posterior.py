@@ -64,3 +64,29 @@ def test_deviations_between_robots_grow_certain_with_them(groups: str, factor: f
     ]
     columns = arms[0].covariance_root[:, arms[1].covariance_root.shape[1] :]
     np.testing.assert_allclose(columns[columns > 0.0], 0.1 * factor, rtol=0.01)
+
+
+@pytest.mark.parametrize('counts', [(600, 20), (20, 600), (20, 600, 20)])
+def test_a_short_recording_does_not_predict_a_long_one(counts: tuple[int, ...]) -> None:
+    """The noise of a Panda was ten times too large where one of two recordings was short."""
+    friction = np.tile([0.2, 0.8, 0.1], (3, 1))
+    data = [recording(ARM, friction, k, count=count) for k, count in enumerate(counts)]
+    around = linearisation_of(ARM, data[0])
+    total = Total(around, [gather(each, around, FOLDS) for each in data])
+    parts = total.folds(np.ones(3), FrictionDeviations.none(around.n_friction))
+    shares = np.array([part.counts[0] for part in parts]) / sum(counts)
+    assert shares.max() < 0.5
+    np.testing.assert_allclose(shares.sum(), 1.0)
+    whole = total.merged(np.ones(3), FrictionDeviations.none(around.n_friction))
+    for joint in range(3):
+        squares = [part.factors[joint].T @ part.factors[joint] for part in parts]
+        expected = whole.factors[joint].T @ whole.factors[joint]
+        np.testing.assert_allclose(sum(squares), expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_recordings_of_one_length_are_left_out_whole() -> None:
+    data = [recording(ARM, np.zeros((3, 3)), k) for k in range(2)]
+    around = linearisation_of(ARM, data[0])
+    total = Total(around, [gather(each, around, FOLDS) for each in data])
+    parts = total.folds(np.ones(3), FrictionDeviations.none(around.n_friction))
+    assert [part.counts[0] for part in parts] == [400, 400]
