@@ -140,10 +140,14 @@ class Inputs:
         tau = self._server.safe_torque(time.monotonic())
         if tau is not None:
             self._outputs.torque(self._now(), tau)
+        self._publish_deviation()
+        self._plans.watch()
+
+    def _publish_deviation(self) -> None:
+        """Publish a standard deviation that was computed beside the stream."""
         deviated = self._server.take_deviation()
         if deviated is not None:
             self._outputs.joints(STD_TOPIC, deviated.tag, deviated.std)
-        self._plans.watch()
 
     def _watch_publishers(self) -> None:
         """Output zero where there are several publishers that are not to be answered."""
@@ -267,6 +271,7 @@ class Inputs:
         self._outputs.energies(stamp, served.query)
         if self._outputs.wants(*COMPONENT_TOPICS):
             self._outputs.components(stamp, self._server.arm.components(served.state))
+        self._publish_deviation()  # here too: the watch alone has 50 a second
 
     def _age(self, info: Info) -> float:
         """Return how long ago a reference was sent [s]."""
