@@ -22,6 +22,9 @@ UNSEEN = 0.3
 SPLITS = ('last', 'first')
 """Which 30 % of the samples, or of the recordings, are unseen."""
 
+FIFTHS = tuple(f'fifth {k}' for k in range(1, 6))
+"""Which fifth is."""
+
 UR10_JOINTS = (
     *('shoulder_pan_joint', 'shoulder_lift_joint', 'elbow_joint'),
     *('wrist_1_joint', 'wrist_2_joint', 'wrist_3_joint'),
@@ -80,12 +83,14 @@ class RealArm:
 
         """
         data = self.datasets(folder)
-        if len(data) == 1:
+        if unseen in FIFTHS:
+            first, last = _without(data, FIFTHS.index(unseen))
+        elif len(data) == 1:
             first, last = data[0].split(1.0 - UNSEEN if unseen == 'last' else UNSEEN)
         else:
             cut = _recordings_cut(len(data), unseen)
             first, last = concatenate(data[:cut]), concatenate(data[cut:])
-        train, test = (first, last) if unseen == 'last' else (last, first)
+        train, test = (last, first) if unseen == 'first' else (first, last)
         train = for_training(train, settings or PreprocessingSettings(), kernel)
         return self._named(train), self._named(test)
 
@@ -108,6 +113,20 @@ class RealArm:
 def _datasets(arm: RealArm, folder: Path) -> tuple[Dataset, ...]:
     raw = arm.load(folder)
     return tuple(preprocess(each, recording=raw.recording) for each in raw.samples)
+
+
+def _without(data: list[Dataset], k: int) -> tuple[Dataset, Dataset]:
+    """Return all but a fifth of the time, or of the recordings, and that fifth."""
+    if len(data) == 1:
+        rest, data = data[0], []
+        for left in range(len(FIFTHS), 1, -1):
+            one, rest = rest.split(1.0 / left)
+            data.append(one)
+        data.append(rest)
+    parts = np.array_split(np.arange(len(data)), len(FIFTHS))
+    pieces = [[data[i] for i in part] for part in parts]
+    others = [each for j, some in enumerate(pieces) if j != k for each in some]
+    return concatenate(others), concatenate(pieces[k])
 
 
 def _recordings_cut(count: int, unseen: str) -> int:

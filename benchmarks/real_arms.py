@@ -17,7 +17,7 @@ import time
 
 import numpy as np
 
-from benchmarks._real import ARMS, RealArm, SPLITS
+from benchmarks._real import ARMS, FIFTHS, RealArm, SPLITS
 from benchmarks._results import Results, Row
 from benchmarks.baselines import method
 from lip_id_ros.arrays import Array
@@ -43,7 +43,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument('data', type=Path, help='folder of the recordings')
     parser.add_argument('--results', type=Path, default=Path('real_arms.json'))
     parser.add_argument('--arms', nargs='+', choices=ARMS, default=list(ARMS))
-    parser.add_argument('--splits', nargs='+', choices=SPLITS, default=list(SPLITS))
+    parser.add_argument('--splits', nargs='+', choices=[*SPLITS, *FIFTHS], default=list(SPLITS))
     parser.add_argument('--models', nargs='+', default=[ARTICULATED, *KNOWN, *PLAIN])
     parser.add_argument('--min-velocity', type=float, default=-1.0, help='(default: by the model)')
     parser.add_argument(
