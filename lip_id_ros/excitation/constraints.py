@@ -160,9 +160,6 @@ class TorqueLimits:
         return weight * float(np.sum(soft**2)), self._arm.torque_pullback(by_tau, q, dq, ddq)
 
 
-FIRST_SIZE = 0.15
-"""Of the first motion, in the limits."""
-
 LEAST_SIZE = 1e-3
 
 LARGEST_GROWTH = 2.0

@@ -18,7 +18,6 @@ from lip_id_ros.errors import ConfigError
 from lip_id_ros.excitation.arms import KnownArm
 from lip_id_ros.excitation.constraints import (
     DEVIATIONS,
-    FIRST_SIZE,
     LARGEST_GROWTH,
     next_size,
     shrunk,
@@ -287,7 +286,7 @@ def limits_and_posture(share: float) -> tuple[JointLimits, Array]:
 
 def test_a_motion_grows_step_by_step_to_all_that_the_limits_allow() -> None:
     limits, posture = limits_and_posture(100.0)
-    sizes = [FIRST_SIZE]
+    sizes = [0.15]
     while sizes[-1] < 1.0:
         sizes.append(next_size(model(), limits, posture, sizes[-1]))
         assert sizes[-1] <= LARGEST_GROWTH * sizes[-2]
