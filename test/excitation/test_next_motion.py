@@ -379,14 +379,14 @@ def test_inertias_are_as_sure_as_samples_of_the_arm_are() -> None:
     for row, known in enumerate((learning.before, learning.after)):
         arm = known.arm
         assert arm is not None
-        draws = []
-        for _ in range(400):
-            by = arm.covariance_root @ rng.standard_normal(arm.covariance_root.shape[1])
-            inertia = [
-                (arm.jacobian_of_coordinates(q, still, still + unit) - rest) @ by
-                for unit in np.eye(3)
-                for rest in [arm.jacobian_of_coordinates(q, still, still)]
+        rest = arm.jacobian_of_coordinates(q, still, still)
+        rows = np.stack(
+            [
+                (arm.jacobian_of_coordinates(q, still, still + unit) - rest)[:, j]
+                for j, unit in enumerate(np.eye(3))
             ]
-            draws.append([inertia[j][:, j] for j in range(3)])
-        sampled = np.sqrt(np.mean(np.square(draws), axis=(0, 2)))
+        )
+        root = arm.covariance_root
+        draws = root @ rng.standard_normal((root.shape[1], 400))
+        sampled = np.sqrt(np.mean((rows @ draws) ** 2, axis=(1, 2)))
         np.testing.assert_allclose(learning.inertia_std[row], sampled, rtol=0.15)
