@@ -291,7 +291,8 @@ class ExciteNode(NodeBase):
         if self._watch is None:
             return
         if now - self._heard_at > self._settings.stale_timeout_s:
-            self._halt(f'no joint state for {now - self._heard_at:.3g} s')
+            silence = f'{now - self._heard_at:.3g} s'
+            self._halt(f'no joint state for {silence} that has all joints of the motion')
         elif lost is not None:
             self._halt(lost)
 
