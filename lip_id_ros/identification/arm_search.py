@@ -13,6 +13,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.conservative_terms import Spring
+from lip_id_ros.friction.dahl import Dahl
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
@@ -30,6 +31,7 @@ from lip_id_ros.identification.placement_search import (
     calibration_at,
     refine,
 )
+from lip_id_ros.joint_history import DISPLACEMENTS
 from lip_id_ros.progress import Progress
 from lip_id_ros.rigid_body import Chain
 
@@ -84,6 +86,15 @@ class ArmSearch:
         springs = tuple(DriveTerm(drive, Spring()) for drive in drives)
         return ArmSearch(self.fitter, springs, self.rise_time)
 
+    def with_memory(self) -> ArmSearch:
+        """Return a search with friction that remembers at every joint, of all displacements."""
+        memories = tuple(
+            DriveTerm(Drive.of_joint(joint), Dahl(float(width), displacement))
+            for joint, width in enumerate(self._widths)
+            for displacement in DISPLACEMENTS
+        )
+        return ArmSearch(self.fitter, self.terms + memories, self.rise_time)
+
     def calibrated(self, seed: int, progress: Progress) -> Calibration:
         """
         Find the placements.
@@ -121,10 +132,14 @@ class ArmSearch:
     def _samples(self, count: int) -> Samples:
         return self.samples(self.fitter.some(count))
 
+    @property
+    def _widths(self) -> Array:
+        speed = np.sqrt(np.mean(self.fitter.dataset.dq**2, axis=0))
+        return np.asarray(SIGN_WIDTH * np.where(speed > 0.0, speed, 1.0))
+
     def samples(self, dataset: Dataset) -> Samples:
         """Return samples with the friction terms of the search."""
-        speed = np.sqrt(np.mean(self.fitter.dataset.dq**2, axis=0))
-        widths = SIGN_WIDTH * np.where(speed > 0.0, speed, 1.0)
+        widths = self._widths
         plain = plain_friction(dataset.n_joints, widths)
         basis = replace(plain, terms=plain.terms + self.terms, rise_time=self.rise_time)
         noise = TorqueNoise(np.ones_like(widths), np.full_like(widths, REST_RATIO), widths)

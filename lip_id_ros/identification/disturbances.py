@@ -109,7 +109,8 @@ def disturbed_blocks(search: ArmSearch, calibration: Calibration, block: IndexAr
     marks = np.zeros((int(block[-1]) + 1, search.fitter.dataset.n_joints), dtype=bool)
     if judged.size < LEAST_BLOCKS:
         return marks
-    problem = LinearProblem.of(search, calibration, rows, number)
+    # else blocks in which friction turns slowly would be taken for contacts
+    problem = LinearProblem.of(search.with_memory(), calibration, rows, number)
     candidates = problem.candidates()
     out = candidates.any(axis=1)[number]
     if 0.0 < out.mean() <= MOST and problem.gain(out).is_sure(LEAST_GAIN, LEAST_ERRORS):
