@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 import json
 import math
@@ -13,7 +13,6 @@ import subprocess
 import sys
 import threading
 import time
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -49,10 +48,10 @@ def main(request: dict[str, Any]) -> dict[str, Any]:
     rates = [0.0] if request['updates_hz'] is None else [0.0, request['updates_hz']]
     turns: dict[float, list[Turn]] = {rate: [] for rate in rates}
     updates = Updates(node, request['model'], seconds * rates[-1])
-    own = {'follow_adaptation': json.dumps(rates[-1] > 0.0)}
+    parameters = {'follow_adaptation': json.dumps(rates[-1] > 0.0)}
     if request['deviations_hz'] is not None:
-        own |= {'publish_std': 'true', 'std_rate_hz': str(request['deviations_hz'])}
-    with serving(request['model'], request['executor'], own) as process, spun(node):
+        parameters |= {'publish_std': 'true', 'std_rate_hz': str(request['deviations_hz'])}
+    with serving(request['model'], request['executor'], **parameters) as process, spun(node):
         client.wait_for_answer()
         count = max(1, round(seconds / TURN_S))
         for rate in rates * count:
@@ -235,7 +234,7 @@ def safe(answer: JointState) -> bool:
 
 
 def serving(
-    model: str, executor: str, own: Mapping[str, str] = MappingProxyType({})
+    model: str, executor: str, **parameters: str
 ) -> AbstractContextManager[subprocess.Popen[bytes]]:
     """Run `serve` while the block runs."""
     return running(
@@ -247,7 +246,7 @@ def serving(
             'torque_limits': json.dumps(LIMITS),
             'ramp_s': '0.0',
             'joints': json.dumps(list(panda().joint_names)),
-            **own,
+            **parameters,
         },
     )
 

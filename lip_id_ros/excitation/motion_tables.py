@@ -7,9 +7,6 @@ from lip_id_ros.excitation.planning import ExcitingMotion
 from lip_id_ros.export.friction_table import Coefficient, friction_table
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 
-INERTIA_UNITS = 'kg m²', 'kg'
-"""Of revolute joints and of slides."""
-
 
 def motion_table(found: ExcitingMotion) -> Table:
     """Return what each joint does, and how much of its limits it uses at most."""
@@ -45,8 +42,11 @@ def learning_tables(found: ExcitingMotion) -> list[Table]:
         for j, (name, kind) in enumerate(zip(found.joint_names, found.joint_types, strict=True))
     ]
     header = ('', 'torque, before', 'after', 'at rest, before', 'after', 'M, before', 'after')
-    title = 'Standard deviations where torques are wanted: of torques, and of the own inertia M_jj'
-    torques = Table(f'{title} [{" or ".join(INERTIA_UNITS)}]', header, rows)
+    title = (
+        'Standard deviations where torques are wanted: of torques, and of the own inertia M_jj '
+        '[kg m² or kg]'
+    )
+    torques = Table(title, header, rows)
     tables = (friction_table(model) for model in (found.learning.before, found.learning.after))
     terms = [
         (old.joint, old.term, f'{old.value:.4g}', _deviation(old), _deviation(new), old.unit)

@@ -196,12 +196,8 @@ def design_motion(
             names, types, limits, found, config.motion.rate_hz, chain, config.space
         )
     assert model.arm is not None, 'models without an arm have been refused'
-    if description is not None and types != model.joint_types:
-        raise DataError(
-            f'{description[1]} was expected to have joints of the types of the model, '
-            f'{", ".join(model.joint_types)}, but has {", ".join(types)}: limits in rad would be '
-            'taken for m; give the URDF of this arm, or fit again with the types of the joints.'
-        )
+    if description is not None:
+        _require_types(types, model.joint_types, description[1])
     learner, types = KnownArm(model.arm), model.joint_types
     states = (
         wanted_states(config, largest, posture) if targets is None else _states(targets, model)
@@ -218,6 +214,15 @@ def design_motion(
         *(names, types, limits, found, config.motion.rate_hz, chain, config.space, learning),
         for_information=config.search.criterion == INFORMATION,
     )
+
+
+def _require_types(types: tuple[str, ...], expected: tuple[str, ...], urdf: str) -> None:
+    if types != expected:
+        raise DataError(
+            f'{urdf} was expected to have joints of the types of the model, '
+            f'{", ".join(expected)}, but has {", ".join(types)}: limits in rad would be taken for '
+            'm; give the URDF of this arm, or fit again with the types of the joints.'
+        )
 
 
 def _require_rate(settings: MotionSettings) -> None:

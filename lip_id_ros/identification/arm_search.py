@@ -13,12 +13,11 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.conservative_terms import Spring
-from lip_id_ros.friction.dahl import Dahl
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFitter, SEARCH_SAMPLES, START_SAMPLES
-from lip_id_ros.identification.friction_candidates import named_candidates, rise_time
+from lip_id_ros.identification.friction_candidates import memory_terms, named_candidates, rise_time
 from lip_id_ros.identification.friction_selection import Offer
 from lip_id_ros.identification.kinematic_calibration import (
     Placements,
@@ -31,7 +30,6 @@ from lip_id_ros.identification.placement_search import (
     calibration_at,
     refine,
 )
-from lip_id_ros.joint_history import DISPLACEMENTS
 from lip_id_ros.progress import Progress
 from lip_id_ros.rigid_body import Chain
 
@@ -88,12 +86,9 @@ class ArmSearch:
 
     def with_memory(self) -> ArmSearch:
         """Return a search with friction that remembers at every joint, of all displacements."""
-        memories = tuple(
-            DriveTerm(Drive.of_joint(joint), Dahl(float(width), displacement))
-            for joint, width in enumerate(self._widths)
-            for displacement in DISPLACEMENTS
-        )
-        return ArmSearch(self.fitter, self.terms + memories, self.rise_time)
+        widths = enumerate(self._widths.tolist())
+        memories = [term for joint, width in widths for term in memory_terms(joint, width)]
+        return ArmSearch(self.fitter, (*self.terms, *memories), self.rise_time)
 
     def calibrated(self, seed: int, progress: Progress) -> Calibration:
         """

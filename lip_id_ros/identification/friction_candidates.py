@@ -131,11 +131,16 @@ def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
     """
     offers = named_candidates(widths, dataset)
     for joint, width in enumerate(widths.tolist()):
-        own = Drive.of_joint(joint)
-        memories = (DriveTerm(own, Dahl(width, each)) for each in DISPLACEMENTS)
+        memories = memory_terms(joint, width)
         offers += [Candidate((term,), SMALL_GAIN, SMALL_ERRORS) for term in memories]
         offers += _curves(dataset, joint)
     return offers
+
+
+def memory_terms(joint: int, width: float) -> tuple[DriveTerm, ...]:
+    """Return friction of a joint that remembers, of all displacements of which states are kept."""
+    own = Drive.of_joint(joint)
+    return tuple(DriveTerm(own, Dahl(width, each)) for each in DISPLACEMENTS)
 
 
 def named_candidates(widths: Array, dataset: Dataset) -> list[Candidate]:

@@ -43,14 +43,14 @@ class MotionGoal:
     """
     Has a controller execute motions, one at a time.
 
-    `doubt`: what the status must say of a controller that may not have ended one; `told` is called
-    when that changes.
+    `doubt`: a warning for the status, where the controller may not have stopped a motion. It is
+    empty where there is none; `on_doubt` is called when one arises.
     """
 
     doubt = ''
 
-    def __init__(self, node: NodeBase, action: str, told: Callable[[], None]) -> None:
-        self._node, self._told, self._kind = node, told, action_type()
+    def __init__(self, node: NodeBase, action: str, on_doubt: Callable[[], None]) -> None:
+        self._node, self._on_doubt, self._kind = node, on_doubt, action_type()
         self._action = node.resolve_service_name(action)
         self._client = ActionClient(node, self._kind, self._action)
         self._handle: Any = None
@@ -157,7 +157,7 @@ class MotionGoal:
     def _tell(self, why: str) -> None:
         self.doubt = f'; the controller of {self._action} {why}: stop the arm by other means'
         self._node.get_logger().error(self.doubt.removeprefix('; '))
-        self._told()
+        self._on_doubt()
 
     def _now_s(self) -> float:
         return 1e-9 * float(self._node.get_clock().now().nanoseconds)

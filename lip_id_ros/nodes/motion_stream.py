@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 import time
 
-from builtin_interfaces.msg import Time
 import numpy as np
 from rclpy.task import Future
 from std_msgs.msg import Float64MultiArray
@@ -40,10 +39,8 @@ class MotionStream:
         self._reference = node.create_publisher(JointTrajectory, '~/reference', qos.OUTPUT)
         self._motion: StreamedMotion | None = None
         self._names: tuple[str, ...] = ()
-        self._t, self._published_at = (
-            0.0,
-            0.0,
-        )  # of the last state: in the motion, and by the clock
+        # of the last state: by the time of the motion, and by the clock
+        self._t, self._published_at = 0.0, 0.0
         self._over = Future(executor=node.executor)
         node.create_steady_timer(self._period, self._publish)
 
@@ -102,12 +99,9 @@ class MotionStream:
         sample = messages.plan_message(
             self._names, np.zeros(1), *(each[None] for each in (q, dq, ddq))
         )
-        sample.header.stamp = self._stamp()
+        sample.header.stamp = self._node.get_clock().now().to_msg()
         self._reference.publish(sample)
         if self._motion.is_over(self._t):
             self._motion = None
             if not self._over.done():
                 self._over.set_result(None)
-
-    def _stamp(self) -> Time:
-        return self._node.get_clock().now().to_msg()
