@@ -63,14 +63,25 @@ class DahlFriction(NamedTuple):
         """Return the torques (N, n) [N m or N] of `dahl_states` at velocities (N, n)."""
         return np.asarray(_torque(self, dq, ddq, states))
 
-    def unknown_std(self, dq: Array, ddq: Array, share: Array) -> Array:
+    def single_std(self, dq: Array, ddq: Array) -> Array:
         """
-        Return deviations (N, n) of torques whose friction has an unknown past [N m or N].
+        Return deviations (N, n) of torques of single states, whose past is unknown [N m or N].
 
-        A joint that moves has friction of its sign; one that rests has any. `share`, shape
-        (N, n, D), is by `unknown_share`.
+        A joint that moves has friction of its sign; one that rests has any.
         """
-        return np.asarray(_unknown_std(self, dq, ddq, share))
+        return np.asarray(_single_std(self, dq, ddq))
+
+    def unknown_std(self, share: Array) -> Array:
+        """
+        Return deviations (N, n) of torques along a path with an unknown start [N m or N].
+
+        Of the start so much is left as `unknown_share` says, shape (N, n, D), at any velocity: a
+        joint that begins to move is not at once at the friction of its sign.
+        """
+        out = np.zeros(share.shape[:2])
+        for joint, kept, size in zip(self.joint, self.displacement, self.coefficient, strict=True):
+            out[:, joint] += np.square(size * share[:, joint, kept])
+        return np.sqrt(out)
 
 
 @jit
@@ -91,13 +102,13 @@ def _torque(terms: DahlFriction, dq: Array, ddq: Array, states: Array) -> Array:
 
 
 @jit
-def _unknown_std(terms: DahlFriction, dq: Array, ddq: Array, share: Array) -> Array:
+def _single_std(terms: DahlFriction, dq: Array, ddq: Array) -> Array:
     out = np.zeros(dq.shape)
     for t in range(len(dq)):
         for k in range(len(terms.joint)):
             j = terms.joint[k]
-            size = terms.coefficient[k] * share[t, j, terms.displacement[k]]
-            out[t, j] += size**2 * (1.0 - _sign(terms, k, dq[t, j], ddq[t, j]) ** 2)
+            sign = _sign(terms, k, dq[t, j], ddq[t, j])
+            out[t, j] += terms.coefficient[k] ** 2 * (1.0 - sign**2)
     return np.sqrt(out)
 
 

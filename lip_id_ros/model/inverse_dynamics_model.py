@@ -24,7 +24,6 @@ from lip_id_ros.friction.dahl import (
     unknown_share,
 )
 from lip_id_ros.friction.dahl_friction import DahlFriction
-from lip_id_ros.joint_history import DISPLACEMENTS
 from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.kernels import TorquePosterior
 from lip_id_ros.model import serialization
@@ -484,11 +483,11 @@ class InverseDynamicsModel:
             self._residual_gp_deviation.add_to(std, *some)
         if self._memory is not None:
             steps = self._steps((q, dq, ddq), t)
-            if steps is None:  # nothing is known of single states
-                share = np.ones((*std.shape, len(DISPLACEMENTS)))
+            if steps is None:
+                unknown = self._memory.single_std(some[1], some[2])
             else:
-                share = unknown_share(steps)[rows]
-            std = np.hypot(std, self._memory.unknown_std(some[1], some[2], share))
+                unknown = self._memory.unknown_std(unknown_share(steps)[rows])
+            std = np.hypot(std, unknown)
         return std
 
     def _checked(self, *arrays: ArrayLike) -> list[Array]:

@@ -24,7 +24,6 @@ from lip_id_ros.friction.compiled import FrictionFeatures
 from lip_id_ros.friction.dahl_friction import DahlFriction
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.identification.payload import LoadedArm
-from lip_id_ros.joint_history import DISPLACEMENTS
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
 from lip_id_ros.rigid_body.regressor import torque_regressor
@@ -72,9 +71,8 @@ def test_the_model_has_the_payload() -> None:
     friction = after.arm.friction
     slopes = FrictionFeatures(friction.basis).load_slopes(friction.coefficients, q, dq, ddq, links)
     rows += slopes @ rows
-    past = np.ones((*q.shape, len(DISPLACEMENTS)))  # of single states it is not known
     none = np.zeros(dq.shape[1], dtype=bool)
-    unknown = DahlFriction.of(after.arm.friction, none).unknown_std(dq, ddq, past)
+    unknown = DahlFriction.of(after.arm.friction, none).single_std(dq, ddq)
     expected = np.hypot(np.linalg.norm(rows, axis=2), unknown)
     np.testing.assert_allclose(std.tau, expected, rtol=1e-3)
 

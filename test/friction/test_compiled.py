@@ -120,14 +120,16 @@ def test_what_joints_remember_is_the_same_as_in_numpy(seed: int) -> None:
     expected = model.torque(q, dq, ddq, load, JointHistory(dahl=dahl))
     compiled = DahlFriction.of(model, np.zeros(model.n_joints, dtype=bool))
     np.testing.assert_allclose(compiled.torque(dq, ddq, dahl), expected, atol=1e-12)
-    # the variance of a state that is one or minus one, at the sign of the velocity in the mean
-    share, unknown = np.abs(dahl), np.zeros((20, 3))
+    # the variance of a state that is one or minus one: at the sign of the velocity in the mean
+    # where nothing else is known, and at the start of a path of which a share is left
+    share, single, unknown = np.abs(dahl), np.zeros((20, 3)), np.zeros((20, 3))
     for part, coefficient in zip(terms, model.coefficients, strict=True):
         if isinstance(part.term, Dahl) and len(part.drive.joints) == 1:
             j, place = part.drive.joints[0], DISPLACEMENTS.index(part.term.displacement)
             sign = smooth_sign(
                 part.drive.state(q, dq, ddq, load, basis.rise_time), part.term.width
             )
-            unknown[:, j] += (coefficient * share[:, j, place]) ** 2 * (1.0 - sign**2)
-    found = compiled.unknown_std(dq, ddq, share)
-    np.testing.assert_allclose(found**2, unknown, atol=1e-12)
+            single[:, j] += coefficient**2 * (1.0 - sign**2)
+            unknown[:, j] += (coefficient * share[:, j, place]) ** 2
+    np.testing.assert_allclose(compiled.single_std(dq, ddq) ** 2, single, atol=1e-12)
+    np.testing.assert_allclose(compiled.unknown_std(share) ** 2, unknown, atol=1e-12)

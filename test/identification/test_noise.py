@@ -19,7 +19,6 @@ from lip_id_ros.friction.noise import (
     TorqueNoise,
 )
 from lip_id_ros.friction.terms import Coulomb, LoadCoulomb, SaturatingViscous
-from lip_id_ros.joint_history import DISPLACEMENTS
 
 TRUTH = TorqueNoise(np.array([0.5, 2.0]), np.array([0.0, 8.0]), np.array([1.0, 0.1]))
 
@@ -134,8 +133,7 @@ def test_what_a_joint_remembers_of_its_friction_is_no_noise() -> None:
     np.testing.assert_allclose(got.stuck, [(coulomb[0] - 2.0) / np.sqrt(3.0), 0.0], rtol=1e-2)
     np.testing.assert_allclose(coulomb, 3.0, rtol=0.1)
     # nothing is known of single states
-    unknown = past.unknown_std(zero, zero, np.ones((1, 2, len(DISPLACEMENTS))))
-    np.testing.assert_allclose(unknown[0], remembered)
+    np.testing.assert_allclose(past.single_std(zero, zero)[0], remembered)
 
 
 def test_sample_selection_count_for_less_the_farther_out() -> None:

@@ -87,6 +87,21 @@ def test_a_motion_that_is_under_way_has_coulomb_friction_from_its_first_row(
     assert np.all(std < 1e-3 * STRENGTH)
 
 
+def test_a_joint_that_leaves_rest_has_an_unknown_friction_until_it_has_gone_some_way(
+    model: InverseDynamicsModel,
+) -> None:
+    t, rates = np.arange(0.0, 0.2, 0.01), 5.0 * np.ones(model.n_joints)
+    q, dq, ddq = 0.5 * rates * t[:, None] ** 2, rates * t[:, None], np.tile(rates, (len(t), 1))
+    start = model.predict(q, dq, ddq, t, return_std=True)
+    # the same after a motion backwards, which came to rest there
+    rates, changes = (np.pad(x, ((1, 0), (0, 0))) for x in (dq, ddq))
+    after = model.predict(np.vstack([q[:1] + 1.0, q]), rates, changes, np.append(-0.01, t))
+    change = after.tau[1:, 0] - start.tau[:, 0]
+    assert start.std is not None
+    assert -change[1] > 0.5 * STRENGTH  # where the sign is that of the motion already
+    np.testing.assert_allclose(start.std.tau[:, 0], -change, atol=1e-9)
+
+
 @pytest.mark.parametrize('step_s', [1.0, 0.53])
 def test_a_short_stream_has_coulomb_friction(model: InverseDynamicsModel, step_s: float) -> None:
     _, states = motion(model)
