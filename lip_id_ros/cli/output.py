@@ -191,7 +191,7 @@ class Lines:
         begun, first = self._begun.setdefault(stage, (now, done))
         if total and done > first:
             rate = (done - first) / (now - begun)
-            line += f', {rate:.3g} per s, {(total - done) / rate:.0f} s left'
+            line += f', {(total - done) / rate:.0f} s left at most'
         print(stage if is_new_stage else line, file=self._stream, flush=True)
 
 

@@ -66,9 +66,8 @@ def motion_lines(model: InverseDynamicsModel) -> list[str]:
     if known is None or 'new_motion_s' not in summary:
         return []
     return [
-        f'New motion: {summary["new_motion_s"]:.3g} of {summary["motion_s"]:.3g} s. Parts of it '
-        f'that were left out were {known.left_out:.2g} standard deviations from the rest, which '
-        'is a novelty of 1.'
+        f'New motion: {summary["new_motion_s"]:.3g} of {summary["motion_s"]:.3g} s; repetitions '
+        f'count once. A novelty of 1 is {known.left_out:.2g} standard deviations from this motion.'
     ]
 
 

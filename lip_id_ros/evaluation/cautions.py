@@ -88,9 +88,9 @@ def _overconfident(evaluation: Evaluation) -> list[str]:
     if not few:
         return []
     return [
-        f'Standard deviations are too small for this motion at {listed(few)}: these shares of the '
-        'measured torques lie within two of them, where 95 % are expected. Do not use them as '
-        'bounds of the error.'
+        'Standard deviations are too small for this motion where less than '
+        f'{LEAST_COVERED:.0f} % of the measured torques lie within two of them, and 95 % are '
+        f'expected: {listed(few)}. Do not use them as bounds of the error.'
     ]
 
 

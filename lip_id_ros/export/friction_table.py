@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from lip_id_ros.arrays import Array
 from lip_id_ros.friction import terms
 from lip_id_ros.friction.conservative_terms import LeverSpring, Ripple, Spring
 from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
@@ -50,8 +52,8 @@ class Coefficient(NamedTuple):
     """
     One coefficient of the friction of a joint, with its standard deviation.
 
-    None where the covariance of the model leaves it out: that of Dahl's friction, whose whole
-    force counts as unknown near rest.
+    None where the model has no deviation of it: where other parameters can stand for it, and of
+    Dahl's friction, whose whole force counts as unknown near rest.
     """
 
     joint: str
@@ -82,6 +84,30 @@ def friction_table(model: InverseDynamicsModel) -> tuple[Coefficient, ...]:
         )
     )
     return tuple(sorted(found, key=lambda each: model.joint_names.index(each.joint)))
+
+
+def friction_curves(
+    model: InverseDynamicsModel, joint: str, velocity: Array
+) -> list[tuple[str, Array]]:
+    """
+    Return name and torque (N,) of each term of a joint's friction, as `model.friction` has them.
+
+    Velocities (N,) are constant, positions are the mean of the training data, and the other joints
+    rest.
+    """
+    arm = model.arm
+    if arm is None:
+        return []
+    index = model.joint_names.index(joint)
+    dq = np.zeros((len(velocity), model.n_joints))
+    dq[:, index] = velocity
+    terms, curves = arm.friction.basis.terms, []
+    for part in terms:
+        if index in (k for k, _ in part.drive.efforts):
+            friction = arm.friction.with_terms([each is part for each in terms])
+            alone = replace(model, arm=replace(arm, friction=friction))
+            curves.append((part.term.name, alone.friction(dq)[:, index]))
+    return curves
 
 
 def labels(

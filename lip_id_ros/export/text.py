@@ -130,6 +130,11 @@ def xml_text(root: ET.Element, comment: Iterable[str]) -> str:
 
 
 def xml_comment(lines: Iterable[str]) -> str:
-    """Return lines as a comment of XML, which two hyphens would end."""
-    text = '\n'.join(f'  {re.sub("-(?=-)", "- ", line)}'.rstrip() for line in lines)
+    """
+    Return lines as a comment of XML, which two hyphens would end.
+
+    It has no colon before a blank: ROS reads the text of a parameter `robot_description` as YAML.
+    """
+    plain = (re.sub(r':(?=\s|$)', ' -', re.sub('-(?=-)', '- ', line)) for line in lines)
+    text = '\n'.join(f'  {line}'.rstrip() for line in plain)
     return f'<!--\n{text}\n-->'

@@ -62,9 +62,9 @@ def test_standard_deviations_that_are_far_too_small_are_named() -> None:
     found = replace(judged_with(1.0, 3.0, 2.0), within_two_std_percent=(31.25, 70.0, 69.9))
     sentence, *rest = evaluation_cautions(found)
     assert sentence == (
-        'Standard deviations are too small for this motion at shoulder (31.2 %), wrist (69.9 %): '
-        'these shares of the measured torques lie within two of them, where 95 % are expected. '
-        'Do not use them as bounds of the error.'
+        'Standard deviations are too small for this motion where less than 70 % of the measured '
+        'torques lie within two of them, and 95 % are expected: shoulder (31.2 %), wrist '
+        '(69.9 %). Do not use them as bounds of the error.'
     )
     assert rest == list(found.cautions)
 

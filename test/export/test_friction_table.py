@@ -9,7 +9,12 @@ from friction.test_terms import EVERY
 import numpy as np
 import pytest
 
-from lip_id_ros.export.friction_table import coefficients_of, friction_table, labels
+from lip_id_ros.export.friction_table import (
+    coefficients_of,
+    friction_curves,
+    friction_table,
+    labels,
+)
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionBasis
 from lip_id_ros.friction.terms import FrictionTerm, SaturatingViscous, Stribeck
@@ -63,6 +68,22 @@ def test_a_coefficient_that_the_covariance_leaves_out_has_no_deviation() -> None
     for each in friction_table(replace(model, arm=replace(model.arm, covariance_root=root))):
         assert each.std is None
         assert each.cells()[2] == f'{each.value:.4g}'
+
+
+def test_the_terms_of_a_joint_add_up_to_its_friction() -> None:
+    model = model_of(random_arm('RRR'))
+    velocity = np.linspace(-1.0, 1.0, 7)
+    dq = np.zeros((7, 3))
+    dq[:, 1] = velocity
+    curves = friction_curves(model, 'joint_2', velocity)
+    viscous = next(
+        each.value
+        for each in friction_table(model)
+        if (each.joint, each.term) == ('joint_2', 'viscous')
+    )
+    np.testing.assert_allclose(dict(curves)['viscous'], viscous * velocity)
+    total = np.sum([curve for _, curve in curves], axis=0)
+    np.testing.assert_allclose(total, model.friction(dq)[:, 1], atol=1e-12)
 
 
 def owner(part: DriveTerm) -> int:

@@ -12,6 +12,7 @@ from export.arms import model_of, panda, random_arm
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+import yaml
 
 from lip_id_ros.export.arm import describe
 from lip_id_ros.export.text import number, roll_pitch_yaw
@@ -78,6 +79,13 @@ def test_the_header_has_remarks_and_the_table() -> None:
     assert 'drake:rotor_inertia' in header
     row = next(line for line in header.splitlines() if line.strip().startswith('joint_4'))
     assert [float(x) for x in row.split()[1:]] == [90.0, 0.0825, 0.0, 0.0]
+
+
+def test_ros_reads_it_as_one_text() -> None:
+    """`-p robot_description:="$(cat arm.urdf)"` is read as YAML, in which `a: b` is a mapping."""
+    text = to_urdf(random_arm('RPR'))
+    assert yaml.safe_load(text).startswith('<?xml')
+    assert 'rotor inertia - URDF has no element for it.' in text
 
 
 def test_links_can_exist() -> None:
