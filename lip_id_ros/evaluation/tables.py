@@ -136,8 +136,8 @@ def notes(evaluation: Evaluation) -> list[str]:
     if evaluation.novelty is not None:
         texts.append(
             f'Novelty {evaluation.novelty:.2g}: these motions are '
-            f'{novelty_in_words(evaluation.novelty)}; 1 is as far from the training data as parts '
-            'of them were from the rest when they were left out.'
+            f'{novelty_in_words(evaluation.novelty)}; 1 is the distance of left-out parts of the '
+            'training data from the rest.'
         )
     if evaluation.inertia_not_pd_percent is None:
         return texts

@@ -130,7 +130,7 @@ def _timing(t: Array) -> dict[str, Any]:
     return {
         'duration_s': float(t[-1] - t[0]),
         'rate_hz': 1.0 / typical if typical > 0 else None,
-        'jitter_s': float(np.std(some[some <= GAP_STEPS * typical])),
+        'jitter_s': round(float(np.std(some[some <= GAP_STEPS * typical])), 9),
         'gaps': int(starts.size),
         'longest_gaps': [
             {'at_s': float(t[starts[gap]]), 'length_s': float(lengths[gap])} for gap in longest
