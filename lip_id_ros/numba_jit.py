@@ -180,7 +180,7 @@ def _cached(function: Function, dispatcher: Any, *, reads: bool = False) -> Func
     except RuntimeError:  # numba found no folder to write to
         _tell_no_cache()
         return cast('Function', dispatcher)
-    compile_here = dispatcher.compile
+    compile_here, inserted = dispatcher.compile, set[Any]()
 
     @wraps(compile_here)
     def compile_once(sig: Any) -> Any:
@@ -189,7 +189,10 @@ def _cached(function: Function, dispatcher: Any, *, reads: bool = False) -> Func
                 if not reads:
                     return compile_here(sig)
                 code = compile_here(tuple(map(_locked, sig)))
-                dispatcher._insert([each._code for each in sig], code, False)
+                # where two threads ask at once: what stands twice is found by no call
+                if sig not in dispatcher.overloads and sig not in inserted:
+                    dispatcher._insert([each._code for each in sig], code, False)
+                    inserted.add(sig)
                 return code
             finally:
                 stored.unlock()

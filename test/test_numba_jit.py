@@ -299,6 +299,25 @@ def test_functions_that_only_read_are_compiled_once_for_locked_arrays_too(tmp_pa
         assert ran.stdout.split() == [*['18.0'] * 5, '14.0', '42.0', '42.0', '2']
 
 
+TWICE = """
+import numba
+import numpy as np
+from reading import total, x
+
+for _ in range(2):  # as two threads do that call it at once
+    total.compile((numba.typeof(x), numba.typeof(x)))
+kept, total.compile = total.compile, None
+print(total(x, x))
+"""
+
+
+def test_what_two_threads_compile_at_once_is_found_by_later_calls(tmp_path: Path) -> None:
+    (tmp_path / 'reading.py').write_text(READING.partition('x, locked')[0] + 'x = np.arange(4.0)')
+    (tmp_path / 'twice.py').write_text(TWICE)
+    ran = ended(tmp_path, 'twice.py')
+    assert ran.stdout == '18.0\n', ran.stderr
+
+
 @pytest.mark.parametrize('cores', [1, 2, 7])
 @pytest.mark.parametrize('count', [0, 1, 10, 11, 12, 100])
 def test_all_threads_evaluate_each_state_once(
