@@ -253,26 +253,34 @@ def unwritable(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
     }
 
 
+BOTH = """
+import sys
+from lip_id_ros.cli import main
+model, bag, torques = sys.argv[1:]
+for command in (['fit', bag, '-o', model], ['predict', model, bag, '-o', torques]):
+    if status := main(command):
+        sys.exit(status)
+"""
+
+
 @pytest.fixture(scope='module')
 def fitted(
     unwritable: dict[str, str], bag: Path, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Path, str]:
-    """Fit with the lowest versions where nothing can be kept; return model and warnings."""
-    path = tmp_path_factory.mktemp('fitted') / 'arm.npz'
-    done = run(*lip_id(), 'fit', bag, '-o', path, **environment(unwritable))
+) -> tuple[Path, Path, str]:
+    """
+    Fit and predict with the lowest versions where nothing can be kept.
+
+    Returns model, torques and warnings. One process compiles once for both.
+    """
+    model = tmp_path_factory.mktemp('fitted') / 'arm.npz'
+    torques = model.with_name('torques.npz')
+    # the lowest versions have an environment of their own; without Python 3.11 there is none
+    lowest = LOWEST.is_dir()
+    python = LOWEST / 'bin/python' if lowest else sys.executable
+    given = unwritable | {'LD_LIBRARY_PATH': ''} if lowest else with_packages(unwritable)
+    done = run(python, '-P', '-c', BOTH, model, bag, torques, **given)
     assert done.returncode == 0, done.stderr
-    return path, done.stderr
-
-
-def lip_id() -> tuple[str | Path, ...]:
-    """Return the program with the lowest versions, or those of the tests without Python 3.11."""
-    python = LOWEST / 'bin/python' if LOWEST.is_dir() else sys.executable
-    return python, '-P', '-m', PACKAGE
-
-
-def environment(unwritable: dict[str, str]) -> dict[str, str]:
-    """Return that of `lip_id`: the lowest versions have an environment of their own."""
-    return unwritable | {'LD_LIBRARY_PATH': ''} if LOWEST.is_dir() else with_packages(unwritable)
+    return model, torques, done.stderr
 
 
 def with_packages(unwritable: dict[str, str]) -> dict[str, str]:
@@ -282,20 +290,17 @@ def with_packages(unwritable: dict[str, str]) -> dict[str, str]:
 
 @pytest.mark.slow
 def test_the_lowest_versions_fit_and_predict_where_nothing_can_be_written(
-    fitted: tuple[Path, str], unwritable: dict[str, str], bag: Path, tmp_path: Path
+    fitted: tuple[Path, Path, str],
 ) -> None:
-    model, warned = fitted
+    _, torques, warned = fitted
     assert warned.count('set NUMBA_CACHE_DIR') == 1
-    torques = tmp_path / 'torques.npz'
-    done = run(*lip_id(), 'predict', model, bag, '-o', torques, **environment(unwritable))
-    assert done.returncode == 0, done.stderr
     with np.load(torques) as content:
         assert np.isfinite(content['tau']).all()
 
 
 @pytest.mark.slow
 def test_a_package_that_cannot_be_written_serves(
-    fitted: tuple[Path, str], unwritable: dict[str, str], tmp_path: Path
+    fitted: tuple[Path, Path, str], unwritable: dict[str, str], tmp_path: Path
 ) -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2')
     given = (f'model_path:={fitted[0]}', 'torque_limits:=none')
