@@ -19,7 +19,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.compiled import FrictionFeatures
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.arm_problem import ArmProblem
-from lip_id_ros.identification.folds import recurrent_folds
+from lip_id_ros.identification.folds import motion_s, recurrent_folds
 from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.process_parameters import likeliest, sparse_weights
 from lip_id_ros.identification.sample_selection import evenly
@@ -38,6 +38,12 @@ MOST_SAMPLES, SELECTION_SAMPLES = 1000, 300
 """Of the processes that were selected, and of their selection."""
 
 BLOCKS, LEAST_FOLDS = 6, 4
+LEAST_NEW_S = 12.0
+"""
+Motion without repetitions that a process is selected on [s]. A block that is left out of less lies
+between states of the rest, as no other motion does (docs/notebook/fits.md).
+"""
+
 EXTREME = 1.0 / 6.0
 """Share of the samples at each end of a joint's positions that are left out together."""
 
@@ -255,7 +261,8 @@ def select_processes(fitter: ArmFitter, fit: ArmFit) -> list[ResidualProcess | N
     """Return the process of every joint; None where links and friction predict better alone."""
     rows = evenly(fitter.dataset.n_samples, SELECTION_SAMPLES)
     masks = fold_masks(fitter.dataset, rows)
-    if sum(joint < 0 for _, joint in masks) < LEAST_FOLDS:
+    _, new_s = motion_s(fitter.dataset)
+    if new_s < LEAST_NEW_S or sum(joint < 0 for _, joint in masks) < LEAST_FOLDS:
         return [None] * fitter.dataset.n_joints  # whatever memorises would be selected
     folds = left_out_fits(fitter, fit, rows, masks)
     return ResidualGPSelection(_targets(fitter, fit, rows), folds).select()
