@@ -53,7 +53,7 @@ def test_tendons_of_coupled_positions() -> None:
     """They are as long as the reported positions, and have the rotors and friction there."""
     arm = arm_of(COUPLED)
     text = to_mjcf(arm)
-    assert 'coupled positions: the joints here are those of the links' in ' '.join(text.split())
+    assert 'coupled positions - the joints here are those of the links' in ' '.join(text.split())
     model = compiled(text)
     assert [model.tendon(k).name for k in range(2)] == ['joint_3_drive', 'joint_4_drive']
     data = mujoco.MjData(model)
