@@ -22,6 +22,9 @@ UNSEEN = 0.3
 SPLITS = ('last', 'first')
 """Which 30 % of the samples, or of the recordings, are unseen."""
 
+PERTURBATION = 1e-10
+"""Of torques, relative."""
+
 FIFTHS = tuple(f'fifth {k}' for k in range(1, 6))
 """Which fifth is."""
 
@@ -242,3 +245,9 @@ OTHERS = {
     'Unitree Go2': _go2,
 }
 """Recordings of arms without a URDF or motion to learn from, by what they are called."""
+
+
+def rounded(dataset: Dataset, seed: int) -> Dataset:
+    """Return a data set whose torques differ by rounding alone; for seed 0 the same."""
+    noise = np.random.default_rng(seed).standard_normal(dataset.tau.shape)
+    return replace(dataset, tau=dataset.tau * (1.0 + (seed > 0) * PERTURBATION * noise))

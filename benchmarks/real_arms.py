@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -17,7 +16,7 @@ import time
 
 import numpy as np
 
-from benchmarks._real import ARMS, FIFTHS, RealArm, SPLITS
+from benchmarks._real import ARMS, FIFTHS, RealArm, rounded, SPLITS
 from benchmarks._results import Results, Row
 from benchmarks.baselines import method
 from lip_id_ros.arrays import Array
@@ -30,9 +29,6 @@ from lip_id_ros.progress import silent
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 
 PLAIN = ('se', 'gip', 'lip', 'recursive')
-PERTURBATION = 1e-10
-"""Of torques, relative, in all fits but the first."""
-
 KNOWN = ('rigid_body', 'rigid_body_friction')
 """With kinematics of a URDF; as those of the default, their samples are all, near rest too."""
 
@@ -73,11 +69,8 @@ def _median(
     """Return the fit of the median geometric mean of errors, and the lowest and the highest."""
     kernel = ARTICULATED if model in KNOWN else model
     train, test = arm.split(data, split, kernel, preprocessing)
-    rows = []
-    for seed in range(count):
-        noise = np.random.default_rng(seed).standard_normal(train.tau.shape)
-        changed = replace(train, tau=train.tau * (1.0 + (seed > 0) * PERTURBATION * noise))
-        rows.append(_measured(changed, test, model, data / arm.urdf))
+    urdf = data / arm.urdf
+    rows = [_measured(rounded(train, seed), test, model, urdf) for seed in range(count)]
     if any('error' in row for row in rows):
         return next(row for row in rows if 'error' in row)
     rows.sort(key=_geometric_mean)

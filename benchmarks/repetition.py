@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks._real import ARMS, RealArm, SPLITS
+from benchmarks._real import ARMS, RealArm, rounded, SPLITS
 from benchmarks._results import Results, Row
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
@@ -38,13 +38,14 @@ def main(arguments: list[str]) -> int:
     parser.add_argument('--results', type=Path, default=Path('repetition.json'))
     parser.add_argument('--arms', nargs='+', choices=ARMS, default=list(ARMS)[:-1])
     parser.add_argument('--splits', nargs='+', choices=SPLITS, default=list(SPLITS))
+    parser.add_argument('--fits', type=int, default=1, help='of other noise, for the median')
     options = parser.parse_args(arguments)
     results = Results(options.results)
     for name, split in product(options.arms, options.splits):
         rows = {
             kind: results.row(
                 f'{name}, {split} | {kind}',
-                partial(_measured, ARMS[name], options.data, split, DRIFTS.get(kind)),
+                partial(_median, ARMS[name], options.data, split, DRIFTS.get(kind), options.fits),
             )
             for kind in ('alone', *DRIFTS)
         }
@@ -84,13 +85,25 @@ def repeated(dataset: Dataset, drift: float, noise_std: Array, seed: int) -> Dat
     )
 
 
-def _measured(arm: RealArm, data: Path, split: str, drift: float | None) -> Row:
-    """Fit a training part, as it is or in passes, and judge the fit on the unseen part."""
+def _median(arm: RealArm, data: Path, split: str, drift: float | None, count: int) -> Row:
+    """Return the fit of the median geometric mean of errors."""
+    rows = [_measured(arm, data, split, drift, seed) for seed in range(count)]
+    return sorted(rows, key=lambda row: float(np.log(row['nmse']).mean()))[(count - 1) // 2]
+
+
+def _measured(arm: RealArm, data: Path, split: str, drift: float | None, seed: int) -> Row:
+    """
+    Fit a training part, as it is or in passes, and judge the fit on the unseen part.
+
+    A part as it is is changed by rounding, but for seed 0.
+    """
     train, test = arm.split(data, split)
-    if drift is not None:
+    if drift is None:
+        train = rounded(train, seed)
+    else:
         alone = fit(train, FitSettings()).predict(train.q, train.dq, train.ddq, train.t).tau
         residual_std = np.sqrt(np.mean((train.tau - alone) ** 2, axis=0))
-        train = repeated(train, drift, NOISE * residual_std, 0)
+        train = repeated(train, drift, NOISE * residual_std, seed)
     model = fit(train, FitSettings())
     return {
         'nmse': nmse_percent(model.predict(test.q, test.dq, test.ddq).tau, test.tau).tolist(),
