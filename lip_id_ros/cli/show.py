@@ -94,12 +94,19 @@ def _with_units(values: Array, units: Sequence[str]) -> list[str]:
 def _show_links(model: InverseDynamicsModel, console: Console) -> None:
     from lip_id_ros.export.arm import residual_gp_of
     from lip_id_ros.export.kinematics import model_kinematics, UNIDENTIFIED
+    from lip_id_ros.identification.residual_gp_selection import LEAST_NEW_S
 
     kinematics = model_kinematics(model)
     assert kinematics is not None, 'the model has links'
     title = f'Denavit-Hartenberg: {kinematics.transform}'
     show(Table(title, ('', *kinematics.header), kinematics.cells()), console)
     text = 'The model has rigid links and friction; a Gaussian process would not improve it.'
+    new_s = model.summary.get('new_motion_s', LEAST_NEW_S)
+    if new_s < LEAST_NEW_S:
+        text = (
+            f'The model has rigid links and friction. A Gaussian process needs {LEAST_NEW_S:g} s '
+            f'of motion without repetitions, and the recording has {new_s:.3g} s.'
+        )
     if (residual_gp := residual_gp_of(model)) is not None:
         text = f'The model has {residual_gp}. A C header cannot hold that; {NO_PROCESS}.'
     show_lines([UNIDENTIFIED] * (not kinematics.identified.all()) + [text], console)

@@ -271,6 +271,13 @@ def test_a_fit_tells_the_length_of_a_link(tmp_path: Path, capsys: Capture) -> No
     output = ' '.join(capsys.readouterr().out.split())
     assert re.search(r' 0\.(49[89]|50[01])\d ± 0\.0', output)
 
+    model = InverseDynamicsModel.load(tmp_path / 'model.npz')
+    summary = {**model.summary, 'new_motion_s': 6.5}
+    replace(model, summary=summary).save(tmp_path / 'short.npz')
+    run('inspect', tmp_path / 'short.npz')
+    output = ' '.join(capsys.readouterr().out.split())
+    assert 'needs 12 s of motion without repetitions, and the recording has 6.5 s.' in output
+
 
 def test_processes_beside_links_are_named(tmp_path: Path, capsys: Capture) -> None:
     random_model('articulated').save(tmp_path / 'model.npz')
