@@ -38,11 +38,13 @@ LEFT_OUT = 'left_out_distance'
 NOTES, RECORDINGS = 'notes', 'recordings'
 NO_RECORDINGS = 'No topic has joint samples: sensor_msgs/JointState, or the state of a controller.'
 IN_OTHER_WORDS = (
-    *('covariance_inflation', 'denavit_hartenberg', 'descents', 'elected_meeting_axes'),
+    *('covariance_inflation', 'denavit_hartenberg', 'descents', 'disturbed'),
+    'elected_meeting_axes',
     *('elected_twists_deg', 'friction', 'friction_between_recordings', 'halves_agree'),
     *('inertia_min_eigenvalue', 'inertia_not_pd_percent', 'motion_s', 'new_motion_s', 'noise_std'),
     *('outliers', 'remainder'),
-    *('searches_agreed', 'unexplained_left_out', 'unexplained_percent', 'unpredicted_left_out'),
+    *('searches_agreed', 'unexplained_left_out', 'unexplained_of_all', 'unexplained_percent'),
+    'unpredicted_left_out',
 )
 """What of a fit is shown by tables, by its effect, or by a caution; JSON has it as it is."""
 SKETCH, COUPLED = 'sketch', 'coupled_positions'

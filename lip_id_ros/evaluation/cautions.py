@@ -25,6 +25,12 @@ LEAST_COVERED = 70.0
 Share of the measured torques within two standard deviations below which a caution says so [%].
 """
 
+FAR_WORSE, LEAST_ERROR, MOST_DISTURBED = 5.0, 0.01, 0.2
+"""
+Error on all samples over that on left-out parts of those kept, and as a share of the variance, and
+the share of samples left out as contacts, from which on what was left out may flatter a fit.
+"""
+
 MOSTLY_NEW, LITTLE_S = 0.5, 20.0
 """A motion repeats itself below this share of new motion, and shows little below that time [s]."""
 
@@ -123,6 +129,7 @@ def summary_cautions(joint_names: Sequence[str], summary: Mapping[str, Any]) -> 
         )
     texts += _repetition(summary)
     texts += _disturbances(joint_names, summary.get('disturbances', ()))
+    texts += _flattered(joint_names, summary)
     if ignored := summary.get('ignored_settings'):
         texts.append(
             f'The fit did not use {", ".join(ignored)}: this kind of model has no such setting; '
@@ -170,6 +177,25 @@ def _disturbances(joint_names: Sequence[str], episodes: Sequence[Mapping[str, An
         f'{", ".join(times[:MOST_EPISODES])}{more} contradict the rest of the data, as if the arm '
         'had been touched or efforts had not been measured, and were left out: see what happened '
         'then, and record without contact.'
+    ]
+
+
+def _flattered(joint_names: Sequence[str], summary: Mapping[str, Any]) -> list[str]:
+    """Return a sentence on joints that look good by what was left out, if any."""
+    keys = 'unexplained_of_all', 'unexplained_left_out', 'disturbed'
+    shares = zip(joint_names, *(summary.get(key, ()) for key in keys), strict=False)
+    found = [
+        f'{name} {100 * every:.3g} % of the variance instead of {100 * judged:.3g} %, with '
+        f'{100 * out:.3g} % of the samples left out as contacts'
+        for name, every, judged, out in shares
+        if every > max(FAR_WORSE * judged, LEAST_ERROR) or out > MOST_DISTURBED
+    ]
+    if not found:
+        return []
+    return [
+        f'Over all samples, those left out included, the fit leaves unexplained: '
+        f'{"; ".join(found)}. Look in the recording for contacts at the times left out: if there '
+        'were none, do not use this model.'
     ]
 
 

@@ -119,6 +119,8 @@ def fit_report(found: Identified, settings: FitSettings) -> dict[str, Any]:
         'descents': found.descents,
         'unexplained_left_out': found.unexplained.tolist(),
         'unpredicted_left_out': found.unpredicted.tolist(),
+        'unexplained_of_all': found.unexplained_of_all.tolist(),
+        'disturbed': found.disturbed.tolist(),
         'covariance_inflation': found.solution.inflation,
         'outliers': found.outliers,
         'halves_agree': found.halves_agree,

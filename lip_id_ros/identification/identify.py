@@ -78,6 +78,8 @@ class Identified:
     searches_agreed: bool  # both ended in the same minimum
     descents: int  # of both searches
     unexplained: Array  # (n,), share of variance of left-out torques
+    unexplained_of_all: Array  # (n,), of all torques, contacts and outliers included
+    disturbed: Array  # (n,), share of the samples that are outside of the fit as contacts
     unpredicted: Array  # (n,), the same without low-passed signs of the fit
     outliers: int  # samples that were left out
     disturbances: list[Episode]  # parts of the time that were left out
@@ -154,6 +156,11 @@ def _residual(dataset: Dataset, fit: ArmFit) -> Array:
     return np.asarray(dataset.tau - load - friction)
 
 
+def _weighted_squares(dataset: Dataset, fit: ArmFit) -> Array:
+    some = dataset.select(evenly(dataset.n_samples, MOST_SAMPLES))
+    return np.asarray(np.mean(fit.noise.weights(some.dq) * _residual(some, fit) ** 2, axis=0))
+
+
 def _of_single_states(dataset: Dataset, fit: ArmFit, noise: TorqueNoise) -> TorqueNoise:
     """Return the noise where signs are not known, as in predictions; at least the one given."""
     if dataset.low_passed_sign is None:
@@ -181,7 +188,8 @@ def _identified(
     rows = without_long_rests(dataset)
     if rows.size < dataset.n_samples:  # a long recording is not copied for nothing
         dataset = dataset.select(rows)
-    search, calibration, disturbances = _calibrated(fitter.of(dataset), find, seed, progress)
+    usable = _usable(dataset)
+    search, calibration, disturbances = _calibrated(fitter.of(usable), find, seed, progress)
     if not fitter.is_described:
         calibration = in_near_frames(search.search_samples(), calibration)
     fitter, agree = search.fitter, halves_agree(search, calibration)
@@ -203,6 +211,8 @@ def _identified(
         descents=calibration.descents,
         unexplained=unexplained / fitter.torque_std**2,
         unpredicted=(unexplained + squares_of_signs(fitter.dataset, fit)) / fitter.torque_std**2,
+        unexplained_of_all=_weighted_squares(usable, fit) / fitter.torque_std**2,
+        disturbed=_disturbed(usable, disturbances),
         outliers=dataset.n_samples - fitter.dataset.n_samples,
         disturbances=disturbances,
         halves_agree=agree,
@@ -217,14 +227,26 @@ def _find_arm(fitter: ArmFitter, seed: int, progress: Progress) -> tuple[ArmSear
     return find_couplings(*find_placements(fitter, seed, progress), seed, progress)
 
 
+def _usable(dataset: Dataset) -> Dataset:
+    """Return the samples that are measured, and of the size of the others."""
+    if not (kept := measured(dataset)).all():
+        dataset = dataset.select(np.flatnonzero(kept))
+    return dataset.select(np.flatnonzero(plausible(dataset)))
+
+
+def _disturbed(dataset: Dataset, episodes: Sequence[Episode]) -> Array:
+    """Return the shares of the samples that are in episodes of each joint, (n,)."""
+    share = np.zeros(dataset.n_joints)
+    for each in episodes:
+        inside = (each.start_s <= dataset.t) & (dataset.t <= each.end_s)
+        share[list(each.joints)] += np.mean(inside & (dataset.recording == each.recording))
+    return share
+
+
 def _calibrated(
     fitter: ArmFitter, find: Find, seed: int, progress: Progress
 ) -> tuple[ArmSearch, Calibration, list[Episode]]:
     """Find the placements, and leave out the samples that nothing explains."""
-    dataset = fitter.dataset
-    if not (kept := measured(dataset)).all():
-        dataset = dataset.select(np.flatnonzero(kept))
-    fitter = fitter.of(dataset.select(np.flatnonzero(plausible(dataset))))
     found = _without_outliers(*find(fitter, seed, progress))
     search, calibration, disturbances = without_disturbances(*found)
     if disturbances:

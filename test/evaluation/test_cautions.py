@@ -176,6 +176,30 @@ def test_episodes_that_were_left_out_are_named() -> None:
     assert 'of recording 2 and 4 more contradict' in text
 
 
+@pytest.mark.parametrize(
+    ('every', 'judged', 'disturbed', 'said'),
+    [
+        (1.1, 0.2, 0.1, 'elbow 110 % of the variance instead of 20 %, with 10 % of the samples'),
+        (0.011, 1e-4, 0.0, 'elbow 1.1 % of the variance instead of 0.01 %, with 0 % of'),
+        (0.02, 0.02, 0.21, 'elbow 2 % of the variance instead of 2 %, with 21 % of the samples'),
+        (0.9, 0.2, 0.19, ''),
+        (0.009, 1e-4, 0.0, ''),
+    ],
+)
+def test_a_fit_that_looks_good_by_what_was_left_out_is_a_caution(
+    every: float, judged: float, disturbed: float, said: str
+) -> None:
+    summary = {
+        'unexplained_of_all': [0.01, every, 0.01],
+        'unexplained_left_out': [0.01, judged, 0.01],
+        'disturbed': [0.0, disturbed, 0.0],
+    }
+    texts = summary_cautions(NAMES, summary)
+    assert len(texts) == bool(said)
+    assert all(f'leaves unexplained: {said}' in text for text in texts)
+    assert not summary_cautions(NAMES, {})
+
+
 @pytest.mark.slow
 def test_the_page_warns_of_joints_that_are_not_explained(tmp_path: Path) -> None:
     outcome = run(Knowing(torque_error=50.0), swing(1))
