@@ -33,8 +33,17 @@ STILL = 0.05
 PAST_S, GONE = 0.5, 5
 """Time, and number of traced states, that a motion must be away for to come back [s]."""
 
-AT_REST = 0.01
-"""An arm rests below this share of the root mean square of its speed."""
+AT_REST, SURE = 0.01, 0.1
+"""
+An arm rests below this share of the root mean square of its speed while it surely moves, which is
+above that share of the one of all samples: of those long rests are most.
+"""
+
+LONGEST_STEP = 3.0
+"""
+Of samples from one to the next, in usual steps, that is motion throughout; longer than `PAST_S`,
+others have been left out between, as near rest.
+"""
 
 MOST_TRACED = 100_000
 """States that are traced; of more, so many evenly chosen."""
@@ -66,7 +75,9 @@ def new_motion_s(known: Dataset, other: Dataset) -> float:
 def _moves(dataset: Dataset) -> tuple[Array, BoolArray]:
     """Return how long an arm moves at each sample [s], and which repeat nothing, both (N,)."""
     is_first = first_passes(dataset) == np.arange(dataset.n_samples)
-    half = np.where(np.diff(dataset.segment) == 0, 0.5 * np.diff(dataset.t), 0.0)
+    steps = np.where(np.diff(dataset.segment) == 0, np.diff(dataset.t), 0.0)
+    usual = np.median(steps[steps > 0.0]) if steps.any() else 0.0
+    half = 0.5 * np.minimum(steps, max(LONGEST_STEP * usual, PAST_S))
     lasts = np.append(half, 0.0) + np.append(0.0, half)
     return np.where(at_rest(dataset), 0.0, lasts), is_first
 
@@ -178,7 +189,8 @@ def _apart(states: Array, segment: IntArray, least: float) -> BoolArray:
 def at_rest(dataset: Dataset) -> BoolArray:
     """Mark the samples of an arm that stands, shape (N,)."""
     speed = np.linalg.norm(dataset.dq, axis=1)
-    return np.asarray(speed < AT_REST * np.sqrt(np.mean(speed**2)))
+    moving = speed[speed >= SURE * np.sqrt(np.mean(speed**2))]
+    return np.asarray(speed < AT_REST * np.sqrt(np.mean(moving**2)))
 
 
 def _states(dataset: Dataset) -> Array:

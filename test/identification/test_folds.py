@@ -9,7 +9,15 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
-from lip_id_ros.identification.folds import _apart, first_passes, NEAR, PAST_S, recurrent_folds
+from lip_id_ros.identification.folds import (
+    _apart,
+    at_rest,
+    first_passes,
+    motion_s,
+    NEAR,
+    PAST_S,
+    recurrent_folds,
+)
 
 RATE_HZ, PERIOD_S = 20.0, 6.53
 
@@ -74,6 +82,27 @@ def test_a_rest_is_one_sample_repeated() -> None:
     fold = recurrent_folds(held, 6)
     assert np.unique(fold[-380:]).size == 1
     assert np.unique(fold[: data.n_samples]).size == 6
+
+
+def held(seconds: float, noise: float) -> Dataset:
+    """Return 20 s of motion without repetitions, with a rest in its middle."""
+    data, still = moved(200.0, 20.0), np.zeros((round(seconds * RATE_HZ), 4))
+    dq = noise * np.random.default_rng(0).standard_normal(still.shape)
+    half = data.n_samples // 2
+    rest = {'q': still + data.q[half], 'dq': dq, 'ddq': still, 'tau': still}
+    q, dq, ddq, tau = (np.insert(getattr(data, each), half, rest[each], axis=0) for each in rest)
+    return Dataset.from_arrays(q, dq, ddq, tau, t=np.arange(len(q)) / RATE_HZ)
+
+
+def test_a_long_rest_is_no_motion_whatever_its_noise() -> None:
+    """Of all samples the speed is a tenth of that in motion."""
+    data = held(2000.0, 0.002 * float(np.sqrt(np.mean(moved(200.0, 20.0).dq ** 2))))
+    np.testing.assert_allclose(motion_s(data), 20.0, atol=0.2)
+
+
+def test_a_rest_that_was_left_out_is_no_motion() -> None:
+    data = held(200.0, 0.0)
+    np.testing.assert_allclose(motion_s(data.select(~at_rest(data))), 20.0, atol=0.6)
 
 
 @settings(max_examples=20)
