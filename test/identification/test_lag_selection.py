@@ -34,6 +34,17 @@ def recorded(late: bool) -> tuple[Dataset, Dataset]:
     return remembering(replace(data, tau=tau, tau_noiseless=None)).split(0.7)
 
 
+def without_motion(joint: int) -> Dataset:
+    """Return the motion but for that of a joint, where the friction of another is late."""
+    data, arm = springs.simulated('none', 0, 0), random_arm(springs.N_JOINTS, 0)
+    moves = np.arange(springs.N_JOINTS) != joint
+    state = data.q * moves, data.dq * moves, data.ddq * moves
+    tau = arm.torque(*state) + 0.5 * state[1]
+    tau[:, JOINT] -= (arm.links[JOINT, ROTOR] + SIZE * tau[:, JOINT].std()) * state[2][:, JOINT]
+    tau += 0.01 * tau.std(axis=0) * np.random.default_rng(0).standard_normal(tau.shape)
+    return remembering(Dataset.from_arrays(*state, tau, t=data.t))
+
+
 def fitted(dataset: Dataset) -> tuple[ArmFitter, ArmFit]:
     fitter = ArmFitter(dataset)
     chain = random_arm(springs.N_JOINTS, 0).chain
@@ -44,6 +55,13 @@ def fitted(dataset: Dataset) -> tuple[ArmFitter, ArmFit]:
 def late_joints(fit: ArmFit) -> list[int]:
     terms = fit.friction.basis.terms
     return [part.drive.joints[0] for part in terms if isinstance(part.term, Lag)]
+
+
+def test_a_joint_that_stands_still_has_no_late_friction() -> None:
+    """It got one of a million kilogram square metres."""
+    found = late_joints(with_lags(*fitted(without_motion(3))))
+    assert JOINT in found
+    assert 3 not in found
 
 
 def error(fit: ArmFit, dataset: Dataset) -> float:
