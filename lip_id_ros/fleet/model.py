@@ -16,9 +16,10 @@ from lip_id_ros.fleet.placements import chosen, PlacedArm
 from lip_id_ros.fleet.results import Survey
 from lip_id_ros.fleet.survey import merged
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
+from lip_id_ros.identification.folds import motion_of_samples_s
 from lip_id_ros.identification.identify import prediction_noise, squares_of_signs
 from lip_id_ros.identification.linearisation import Linearisation
-from lip_id_ros.identification.novelty import known_states, motion_report
+from lip_id_ros.identification.novelty import known_states, motion_entries
 from lip_id_ros.identification.posterior import fit_of, posterior_of, SAMPLES
 from lip_id_ros.identification.residual_gp_selection import (
     conditioned_residual_gp,
@@ -51,7 +52,8 @@ def with_processes(
     excluded = dict(placed.excluded)
     some = [each for each in chosen(surveys) if each.key not in excluded]
     fitter = _measured(placed, some, described)
-    return placed.with_residual_gp(select_processes(fitter, _fit(placed, solution)))
+    _, new_s = _motion_s(placed, some)
+    return placed.with_residual_gp(select_processes(fitter, _fit(placed, solution), new_s))
 
 
 def model_of(
@@ -75,7 +77,7 @@ def model_of(
         'unpredicted_left_out': (unpredicted / fitter.torque_std**2).tolist(),
         'remainder': residual_gp.joints.tolist() if residual_gp else [],
         'noise_std': arm.noise.std.tolist(),
-        **motion_report(placed.dataset),
+        **motion_entries(*_motion_s(placed, surveys)),
     }
     model = _assembled(placed, surveys, arm, residual_gp, report)
     return with_checks(model, placed.dataset.q, placed.dataset.tau)
@@ -122,6 +124,12 @@ def _residual_gp(
         return None
     fitter = _measured(placed, surveys, described)
     return conditioned_residual_gp(fitter, _fit(placed, solution), processes)
+
+
+def _motion_s(placed: PlacedArm, surveys: Sequence[Survey]) -> Array:
+    """Return for how long recordings move, and how long of that is no repetition, (2,) [s]."""
+    some = chosen(surveys)
+    return motion_of_samples_s(merged(some, placed.joint_names), [each.motion_s for each in some])
 
 
 def _measured(

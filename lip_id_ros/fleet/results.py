@@ -56,6 +56,7 @@ class Survey(Packable):
     n_samples: int  # of the recording, after preprocessing
     rate_hz: float  # of the messages; 0 where not known
     seconds: float  # from first to last sample, without gaps
+    motion_s: tuple[float, float]  # in motion, and in motion without repetitions
     start_s: float  # of the first message [s]
     health: tuple[str, ...]  # warnings and errors, a line each
     low: Array  # (3, n), lowest q, dq, ddq

@@ -23,6 +23,7 @@ from lip_id_ros.dataset.provenance import FINDINGS
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation.cautions import data_remarks
 from lip_id_ros.fleet.results import ARM, SIGNALS, Survey
+from lip_id_ros.identification.folds import motion_s
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.posterior import ranges_of
 from lip_id_ros.identification.sample_selection import (
@@ -164,6 +165,7 @@ def survey_of(dataset: Dataset, name: str, group: str) -> Survey:
         n_samples=dataset.n_samples,
         rate_hz=float(source.get('rate_hz', 0.0)),
         seconds=_seconds(dataset),
+        motion_s=motion_s(used),
         start_s=float(source.get('start_s', np.nan)),
         health=tuple(data_remarks(dataset.provenance)),
         low=low,

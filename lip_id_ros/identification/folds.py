@@ -7,6 +7,8 @@ A block of time would be seen in the rest of a periodic recording (Roberts and o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -63,6 +65,23 @@ def motion_s(dataset: Dataset) -> tuple[float, float]:
     """Return for how long an arm moves, and for how long it does what it did not before [s]."""
     lasts, is_first = _moves(dataset)
     return float(lasts.sum()), float(lasts[is_first].sum())
+
+
+def motion_of_samples_s(dataset: Dataset, whole: Sequence[tuple[float, float]]) -> Array:
+    """
+    Return `motion_s` of recordings of which a data set has some samples, shape (2,) [s].
+
+    `whole`: of each recording alone, with all its samples. Few samples do not show that a
+    recording repeats itself, but whether it repeats others.
+    """
+    lasts, is_first = _moves(dataset)
+    out = np.zeros(2)
+    for number, alone in enumerate(whole):
+        own = dataset.recording == number
+        _, own_new = motion_s(dataset.select(own))
+        share = lasts[own & is_first].sum() / own_new if own_new > 0.0 else 0.0
+        out += alone[0], alone[1] * min(share, 1.0)
+    return out
 
 
 def new_motion_s(known: Dataset, other: Dataset) -> float:

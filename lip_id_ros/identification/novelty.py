@@ -32,7 +32,11 @@ LEAST_DISTANCE = 1e-6
 
 def motion_report(dataset: Dataset) -> dict[str, float]:
     """Return how long an arm moves, and how long of that is no repetition, for a summary."""
-    every, new = motion_s(dataset)
+    return motion_entries(*motion_s(dataset))
+
+
+def motion_entries(every: float, new: float) -> dict[str, float]:
+    """Return what `motion_s` found, as entries of a summary."""
     return {'motion_s': round(every, 3), 'new_motion_s': round(new, 3)}
 
 

@@ -254,14 +254,18 @@ class ResidualGPSelection:
 
 def select_residual_gp(fitter: ArmFitter, fit: ArmFit) -> ResidualGP | None:
     """Return the processes that predict better than links and friction of a fit alone, if any."""
-    return conditioned_residual_gp(fitter, fit, select_processes(fitter, fit))
+    _, new_s = motion_s(fitter.dataset)
+    return conditioned_residual_gp(fitter, fit, select_processes(fitter, fit, new_s))
 
 
-def select_processes(fitter: ArmFitter, fit: ArmFit) -> list[ResidualProcess | None]:
-    """Return the process of every joint; None where links and friction predict better alone."""
+def select_processes(fitter: ArmFitter, fit: ArmFit, new_s: float) -> list[ResidualProcess | None]:
+    """
+    Return the process of every joint; None where links and friction predict better alone.
+
+    `new_s`: motion without repetitions that the samples are of [s].
+    """
     rows = evenly(fitter.dataset.n_samples, SELECTION_SAMPLES)
     masks = fold_masks(fitter.dataset, rows)
-    _, new_s = motion_s(fitter.dataset)
     if new_s < LEAST_NEW_S or sum(joint < 0 for _, joint in masks) < LEAST_FOLDS:
         return [None] * fitter.dataset.n_joints  # whatever memorises would be selected
     folds = left_out_fits(fitter, fit, rows, masks)

@@ -185,7 +185,7 @@ def test_processes_are_selected_by_the_recordings_that_placements_are(
     """A stored selection is known by these, so that none takes the place of one left out."""
     seen: list[int] = []
 
-    def select(fitter: Any, _: object) -> list[None]:
+    def select(fitter: Any, *_: object) -> list[None]:
         seen.append(np.unique(fitter.dataset.recording).size)
         return [None] * fitter.dataset.n_joints
 

@@ -24,6 +24,7 @@ from lip_id_ros.fleet.survey import (
     survey_of,
     TEMPERATURE,
 )
+from lip_id_ros.identification.folds import motion_of_samples_s
 from lip_id_ros.settings import Config, PreprocessingSettings, RecordingSettings
 from lip_id_ros.simulation.datasets import write_bag
 
@@ -50,6 +51,18 @@ def test_gaps_are_no_part_of_a_recording() -> None:
     late = np.arange(400) >= 100
     apart = replace(motion, t=motion.t + 60.0 * late, segment=late.astype(np.int64))
     assert_allclose(survey_of(apart, 'name', 'group').seconds, motion.t[-1] - 1.0 / 50.0)
+
+
+def test_a_recording_that_repeats_itself_has_the_motion_of_once() -> None:
+    """Few of its samples are hardly ever at the same places."""
+    t = np.arange(0.0, 300.0, 0.02)
+    angle = 2.0 * np.pi / 2.0 * t[:, None] + np.arange(7.0)
+    states = np.sin(angle), np.pi * np.cos(angle), -(np.pi**2) * np.sin(angle)
+    motion = Dataset.from_arrays(*states, np.sin(angle), t=t)
+    other = replace(motion, q=motion.q + 1e-4)
+    some = [survey_of(each, '', '') for each in (motion, other)]
+    few = merged(some, motion.joint_names)
+    assert_allclose(motion_of_samples_s(few, [each.motion_s for each in some]), [600.0, 2.0], 0.1)
 
 
 def test_a_bag_is_surveyed_with_rate_start_and_health(tmp_path: Path) -> None:
