@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import json
 from pathlib import Path
 import sys
 from typing import Any
 
+import numpy as np
+
 from lip_id_ros.files import write_whole
 
 Row = dict[str, Any]
+
+
+def by_error(rows: Sequence[Row]) -> list[Row]:
+    """Return rows in the order of the geometric means of their errors."""
+    return sorted(rows, key=geometric_mean)
+
+
+def geometric_mean(row: Row) -> float:
+    """Return that of the errors of a row."""
+    return float(np.exp(np.log(row['nmse']).mean()))
 
 
 class Results:

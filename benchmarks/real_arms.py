@@ -17,7 +17,7 @@ import time
 import numpy as np
 
 from benchmarks._real import ARMS, FIFTHS, RealArm, rounded, SPLITS
-from benchmarks._results import Results, Row
+from benchmarks._results import by_error, geometric_mean, Results, Row
 from benchmarks.baselines import method
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
@@ -73,8 +73,8 @@ def _median(
     rows = [_measured(rounded(train, seed), test, model, urdf) for seed in range(count)]
     if any('error' in row for row in rows):
         return next(row for row in rows if 'error' in row)
-    rows.sort(key=_geometric_mean)
-    spread = [_geometric_mean(rows[0]), _geometric_mean(rows[-1])]
+    rows = by_error(rows)
+    spread = [geometric_mean(rows[0]), geometric_mean(rows[-1])]
     return {**rows[(count - 1) // 2], 'spread': spread}
 
 
@@ -149,12 +149,8 @@ def _of(rows: Mapping[str, Row], model: str) -> dict[str, Row]:
     return {name: row for (name, each), row in pairs.items() if each == model}
 
 
-def _geometric_mean(row: Row) -> float:
-    return float(np.exp(np.log(row['nmse']).mean()))
-
-
 def _means(row: Row) -> tuple[str, str]:
-    return _short(float(np.mean(row['nmse']))), _short(_geometric_mean(row))
+    return _short(float(np.mean(row['nmse']))), _short(geometric_mean(row))
 
 
 def _short(value: float) -> str:

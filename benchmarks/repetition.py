@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks._real import ARMS, RealArm, rounded, SPLITS
-from benchmarks._results import Results, Row
+from benchmarks._results import by_error, Results, Row
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation.metrics import nmse_percent
@@ -86,24 +86,22 @@ def repeated(dataset: Dataset, drift: float, noise_std: Array, seed: int) -> Dat
 
 
 def _median(arm: RealArm, data: Path, split: str, drift: float | None, count: int) -> Row:
-    """Return the fit of the median geometric mean of errors."""
-    rows = [_measured(arm, data, split, drift, seed) for seed in range(count)]
-    return sorted(rows, key=lambda row: float(np.log(row['nmse']).mean()))[(count - 1) // 2]
-
-
-def _measured(arm: RealArm, data: Path, split: str, drift: float | None, seed: int) -> Row:
     """
-    Fit a training part, as it is or in passes, and judge the fit on the unseen part.
+    Fit a training part, as it is or in passes, and return the fit of the median error.
 
     A part as it is is changed by rounding, but for seed 0.
     """
     train, test = arm.split(data, split)
     if drift is None:
-        train = rounded(train, seed)
+        parts = [rounded(train, seed) for seed in range(count)]
     else:
         alone = fit(train, FitSettings()).predict(train.q, train.dq, train.ddq, train.t).tau
-        residual_std = np.sqrt(np.mean((train.tau - alone) ** 2, axis=0))
-        train = repeated(train, drift, NOISE * residual_std, seed)
+        noise_std = NOISE * np.sqrt(np.mean((train.tau - alone) ** 2, axis=0))
+        parts = [repeated(train, drift, noise_std, seed) for seed in range(count)]
+    return by_error([_measured(part, test) for part in parts])[(count - 1) // 2]
+
+
+def _measured(train: Dataset, test: Dataset) -> Row:
     model = fit(train, FitSettings())
     return {
         'nmse': nmse_percent(model.predict(test.q, test.dq, test.ddq).tau, test.tau).tolist(),

@@ -189,7 +189,7 @@ def _cached(function: Function, dispatcher: Any, *, reads: bool = False) -> Func
                 if not reads:
                     return compile_here(sig)
                 code = compile_here(tuple(map(_locked, sig)))
-                # where two threads ask at once: what stands twice is found by no call
+                # two threads may ask at once, and no call finds what was inserted twice
                 if sig not in dispatcher.overloads and sig not in inserted:
                     dispatcher._insert([each._code for each in sig], code, False)
                     inserted.add(sig)

@@ -112,7 +112,7 @@ def test_damaged_code_is_compiled_anew(folder: Path) -> None:
         for path in folder.glob(f'__pycache__/outer.outer*.{kind}'):
             os.truncate(path, length)
         assert run(folder) == (2.0, 0), (kind, length)
-    assert run(folder) == (2.0, 1)
+        assert run(folder) == (2.0, 1), (kind, length)
 
 
 INSTEAD_OF_WRITING = """

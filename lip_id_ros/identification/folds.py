@@ -212,6 +212,14 @@ def at_rest(dataset: Dataset) -> BoolArray:
     return np.asarray(speed < AT_REST * np.sqrt(np.mean(moving**2)))
 
 
+def largest_alike(values: Array, prismatic: BoolArray) -> Array:
+    """Return the largest value of joints of the same type for each joint, shape (..., n)."""
+    largest = np.zeros_like(values)
+    for alike in (prismatic, ~prismatic):
+        largest[..., alike] = values[..., alike].max(axis=-1, keepdims=True, initial=0.0)
+    return largest
+
+
 def _states(dataset: Dataset) -> Array:
     """Return positions and velocities in standard deviations times the root of 2 n, (N, 2 n)."""
     parts = []

@@ -17,7 +17,7 @@ from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.terms import Lag
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_SAMPLES
-from lip_id_ros.identification.folds import recurrent_folds, STILL
+from lip_id_ros.identification.folds import largest_alike, recurrent_folds, STILL
 from lip_id_ros.identification.left_out import Gain
 from lip_id_ros.identification.residual_gp_selection import left_out_fits
 from lip_id_ros.identification.sample_selection import evenly
@@ -44,10 +44,8 @@ def with_lags(fitter: ArmFitter, fit: ArmFit) -> ArmFit:
     some = fitter.some(MOST_SAMPLES)
     usual = np.maximum(np.sqrt(np.mean(some.ddq**2, axis=0)), 1e-9)
     least = NO_ROTOR * fit.noise.std / usual
-    slides = some.prismatic
-    largest = [usual[slides == each].max(initial=0.0) for each in (False, True)]
-    # nothing tells the inertia of a joint that hardly moves, nor what its friction is late by
-    moves = usual > STILL * np.where(slides, largest[1], largest[0])
+    # the data identify neither the inertia of a joint that hardly moves, nor a lag of its friction
+    moves = usual > STILL * largest_alike(usual, some.prismatic)
     joints = np.flatnonzero(moves & (fit.links[:, ROTOR] < least))
     if not joints.size:
         return fit

@@ -7,7 +7,13 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.subsets import covering_points
-from lip_id_ros.identification.folds import at_rest, motion_s, recurrent_folds, STILL
+from lip_id_ros.identification.folds import (
+    at_rest,
+    largest_alike,
+    motion_s,
+    recurrent_folds,
+    STILL,
+)
 from lip_id_ros.identification.sample_selection import evenly
 from lip_id_ros.model.known_states import KnownStates, nearest, stored_states
 
@@ -64,9 +70,7 @@ def _scale(dataset: Dataset) -> Array:
     """
     states = np.stack([dataset.q, dataset.dq, dataset.ddq])
     scale = np.maximum(states.std(axis=1), LEAST_SHARE * np.abs(states).max(axis=1))
-    for alike in (dataset.prismatic, ~dataset.prismatic):
-        largest = scale[:, alike].max(axis=1, keepdims=True, initial=0.0)
-        scale[:, alike] = np.maximum(scale[:, alike], STILL * largest)
+    scale = np.maximum(scale, STILL * largest_alike(scale, dataset.prismatic))
     scale[scale == 0.0] = 1.0
     return np.asarray(scale.ravel() * np.sqrt(scale.size))
 

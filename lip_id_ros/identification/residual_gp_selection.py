@@ -38,6 +38,7 @@ MOST_SAMPLES, SELECTION_SAMPLES = 1000, 300
 """Of the processes that were selected, and of their selection."""
 
 BLOCKS, LEAST_FOLDS = 6, 4
+
 LEAST_NEW_S = 12.0
 """
 Motion without repetitions that a process is selected on [s]. A block that is left out of less lies
@@ -264,10 +265,13 @@ def select_processes(fitter: ArmFitter, fit: ArmFit, new_s: float) -> list[Resid
 
     `new_s`: motion without repetitions that the samples are of [s].
     """
+    nothing: list[ResidualProcess | None] = [None] * fitter.dataset.n_joints
+    if new_s < LEAST_NEW_S:
+        return nothing
     rows = evenly(fitter.dataset.n_samples, SELECTION_SAMPLES)
     masks = fold_masks(fitter.dataset, rows)
-    if new_s < LEAST_NEW_S or sum(joint < 0 for _, joint in masks) < LEAST_FOLDS:
-        return [None] * fitter.dataset.n_joints  # whatever memorises would be selected
+    if sum(joint < 0 for _, joint in masks) < LEAST_FOLDS:
+        return nothing  # whatever memorises would be selected
     folds = left_out_fits(fitter, fit, rows, masks)
     return ResidualGPSelection(_targets(fitter, fit, rows), folds).select()
 
