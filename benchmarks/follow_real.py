@@ -16,6 +16,7 @@ import time
 import numpy as np
 
 from benchmarks._real import ARMS, OTHERS
+from benchmarks._results import Row
 from lip_id_ros.adaptation.adaptation import Adaptation, Followed
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
@@ -39,7 +40,8 @@ def main(arguments: list[str]) -> int:
     for name in options.arms:
         try:
             first, others = recordings(name, options.data)
-            follow(name, first, others)
+            for line in follow(name, first, others):
+                print(json.dumps(line), flush=True)
         except LipIdError as error:
             print(json.dumps({'arm': name, 'error': str(error)}), flush=True)
     return 0
@@ -55,40 +57,36 @@ def recordings(name: str, folder: Path) -> tuple[Dataset, list[Dataset]]:
     return for_training(first, PreprocessingSettings(), ARTICULATED), others
 
 
-def follow(name: str, first: Dataset, others: list[Dataset]) -> None:
-    """Follow recordings, and print errors of each."""
+def follow(name: str, first: Dataset, others: list[Dataset]) -> list[Row]:
+    """Follow recordings, and return errors of each, and a row for the arm."""
     adaptation, at, count, seconds = Adaptation(fit(first)), 0.0, 0, 0.0
-    ratios = []
+    lines: list[Row] = []
     for number, data in enumerate(others, start=2):
         begun = time.process_time()
         found = adaptation.update(data.t - data.t[0] + at, data.q, data.dq, data.ddq, data.tau)
         seconds += time.process_time() - begun
         count += data.n_samples
         at += float(data.t[-1] - data.t[0]) + PAUSE_S
-        ratios.append(_line(name, number, data, found))
-    print(
-        json.dumps(
-            {
-                'arm': name,
-                'joints': first.n_joints,
-                'largest_ratio': round(max(ratios), 3),
-                'minutes': round((at - PAUSE_S * len(others)) / 60.0, 1),
-                'payloads': [each.sentence() for each in adaptation.payload_events],
-                'forgotten': adaptation.n_forgotten,
-                'us_per_sample': round(1e6 * seconds / count),
-            }
-        ),
-        flush=True,
-    )
+        lines.append(_line(name, number, data, found))
+    arm = {
+        'arm': name,
+        'joints': first.n_joints,
+        'largest_ratio': max(line['ratio'] for line in lines),
+        'minutes': round((at - PAUSE_S * len(others)) / 60.0, 1),
+        'payloads': [each.sentence() for each in adaptation.payload_events],
+        'forgotten': adaptation.n_forgotten,
+        'us_per_sample': round(1e6 * seconds / count),
+    }
+    return [*lines, arm]
 
 
-def _line(name: str, number: int, data: Dataset, found: Followed) -> float:
-    """Print the errors of a recording; return that of what is served in that of the fit."""
+def _line(name: str, number: int, data: Dataset, found: Followed) -> Row:
+    """Return the errors of a recording, and that of what is served in that of the fit."""
     frozen, served = (
         float(np.nanmean(nmse_percent(tau, data.tau))) for tau in (found.frozen, found.served)
     )
     within = np.abs(data.tau - found.tau) <= 2.0 * found.std
-    line = {
+    return {
         'arm': name,
         'recording': number,
         'frozen': round(frozen, 4),
@@ -97,5 +95,3 @@ def _line(name: str, number: int, data: Dataset, found: Followed) -> float:
         'trusted_percent': round(100.0 * float(found.trusted.mean())),
         'within_two_std_percent': round(100.0 * float(within.mean()), 1),
     }
-    print(json.dumps(line), flush=True)
-    return served / frozen
