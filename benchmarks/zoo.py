@@ -20,8 +20,7 @@ import numpy as np
 
 from benchmarks._results import Results, Row
 from benchmarks._zoo import load_arm, MOTIONS, recorded, SerialArm, ZOO, ZooArm, ZooRecording
-from benchmarks.baselines import method
-from benchmarks.baselines.registry import MODELS
+from benchmarks.baselines import method, MODELS
 from benchmarks.baselines.rigid_body import contiguous, diagonal, identified, smooth_sign
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
