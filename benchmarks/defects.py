@@ -78,8 +78,7 @@ class Recorded:
     @classmethod
     def of(cls, seed: int, n_joints: int, sensors: Sensors | None = None) -> Recorded:
         """Simulate an arm, its friction, its motion and its sensors."""
-        sensors = sensors or Sensors()
-        rng = np.random.default_rng(seed)
+        rng, sensors = np.random.default_rng(seed), sensors or Sensors()
         arm = with_wrong_masses(panda(n_joints), 0.3, 0.05, rng)
         size = rng.uniform(0.3, 1.5, (2, n_joints))
         friction = JointFriction(size[0] * VISCOUS[:n_joints], size[1] * COULOMB[:n_joints])
@@ -121,139 +120,144 @@ def _measured(
 
 Spoil = Callable[[Recorded, float], JointSamples]
 
+DEFECTS: dict[str, tuple[Spoil, tuple[float, float, float], set[str]]] = {}
+"""How to spoil a recording, the sizes from small to large, and which findings are right."""
 
-def _effort(recorded: Recorded, joint: int, values: Array) -> JointSamples:
-    effort = recorded.samples.effort.copy()
-    effort[:, joint] = values
+
+def defect(name: str, sizes: tuple[float, float, float], *right: str) -> Callable[[Spoil], Spoil]:
+    """Put a function into `DEFECTS`."""
+
+    def add(spoil: Spoil) -> Spoil:
+        DEFECTS[name] = spoil, sizes, set(right)
+        return spoil
+
+    return add
+
+
+def _with(recorded: Recorded, effort: Array, joint: int | None = None) -> JointSamples:
+    """Return a recording with other efforts, of one joint or all."""
+    if joint is not None:
+        effort = np.where(
+            np.arange(recorded.samples.n_joints) == joint, effort[:, None], recorded.samples.effort
+        )
     return replace(recorded.samples, effort=effort)
 
 
+@defect('another publisher, every n-th sample', (10, 4, 2), 'alternating')
 def _alternating(recorded: Recorded, every: float) -> JointSamples:
     samples = recorded.samples
     other = np.arange(samples.n_samples)[:, np.newaxis] % int(every) == 0
     return replace(samples, position=np.where(other, 0.0, samples.position))
 
 
+@defect('effort of joint 2 that of joint 3, plus noise of', (0.01, 0.001, 0.0), 'effort_copied')
 def _copied(recorded: Recorded, noise: float) -> JointSamples:
-    effort = recorded.samples.effort
-    draws = np.random.default_rng(0).standard_normal(len(effort))
-    return _effort(recorded, 1, 0.7 * effort[:, 2] + noise * effort[:, 2].std() * draws)
+    other = recorded.samples.effort[:, 2]
+    draws = np.random.default_rng(0).standard_normal(len(other))
+    return _with(recorded, 0.7 * other + noise * other.std() * draws, 1)
 
 
-def _in_units(unit: float) -> Spoil:
-    def spoil(recorded: Recorded, share: float) -> JointSamples:
-        small = recorded.shrunk(share)
-        return replace(small, position=unit * small.position, velocity=unit * small.velocity)
-
-    return spoil
+def _in_units(recorded: Recorded, share: float, unit: float) -> JointSamples:
+    small = recorded.shrunk(share)
+    return replace(small, position=unit * small.position, velocity=unit * small.velocity)
 
 
+@defect('degrees, motion times', (0.1, 0.2, 0.5), 'position_degrees', 'position_unit')
+def _in_degrees(recorded: Recorded, share: float) -> JointSamples:
+    return _in_units(recorded, share, DEGREES)
+
+
+@defect('revolutions, motion times', (0.1, 0.2, 0.5), 'position_unit')
+def _in_revolutions(recorded: Recorded, share: float) -> JointSamples:
+    return _in_units(recorded, share, 0.5 / np.pi)
+
+
+@defect('velocities times', (1.05, 1.1, 1.2), 'velocity_scale')
 def _velocities(recorded: Recorded, factor: float) -> JointSamples:
     return replace(recorded.samples, velocity=factor * recorded.samples.velocity)
 
 
+@defect('times of the clock times', (1.05, 1.1, 1.2), 'velocity_scale')
 def _times(recorded: Recorded, factor: float) -> JointSamples:
     return replace(recorded.samples, t=factor * recorded.samples.t)
 
 
+@defect('sign of one effort turned, index', (3, 2, 1), 'effort_sign')
 def _turned(recorded: Recorded, joint: float) -> JointSamples:
-    return _effort(recorded, int(joint), -recorded.samples.effort[:, int(joint)])
+    return _with(recorded, -recorded.samples.effort[:, int(joint)], int(joint))
 
 
+@defect('efforts of neighbours exchanged, index', (2, 1, 0), 'effort_exchanged')
 def _exchanged(recorded: Recorded, joint: float) -> JointSamples:
     order = np.arange(recorded.samples.n_joints)
     order[[int(joint), int(joint) + 1]] = int(joint) + 1, int(joint)
-    return replace(recorded.samples, effort=recorded.samples.effort[:, order])
+    return _with(recorded, recorded.samples.effort[:, order])
 
 
+@defect('unsigned efforts, joints', (1, 2, 7), 'effort_unsigned')
 def _unsigned(recorded: Recorded, joints: float) -> JointSamples:
-    some = np.arange(recorded.samples.n_joints) < joints
-    effort = recorded.samples.effort
-    return replace(recorded.samples, effort=np.where(some, np.abs(effort), effort))
+    some, effort = np.arange(recorded.samples.n_joints) < joints, recorded.samples.effort
+    return _with(recorded, np.where(some, np.abs(effort), effort))
 
 
+@defect('clipped below noise, percent at each end', (2, 5, 10), 'effort_clipped')
 def _clipped(recorded: Recorded, percent: float) -> JointSamples:
     effort = recorded.samples.effort
     noise = EFFORT_NOISE * np.random.default_rng(0).standard_normal(effort.shape)
     ends = np.percentile(effort, [percent, 100.0 - percent], axis=0)
-    return replace(recorded.samples, effort=np.clip(effort, *ends) + noise)
+    return _with(recorded, np.clip(effort, *ends) + noise)
 
 
+@defect('payload every 4 s [kg]', (1, 3, 6))
 def _payload(recorded: Recorded, mass: float) -> JointSamples:
     loaded = recorded.of_arm(with_payload(recorded.arm, mass, np.array([0.0, 0.0, 0.1])))
     is_loaded = (recorded.samples.t % 8.0 < 4.0)[:, np.newaxis]
-    return replace(recorded.samples, effort=np.where(is_loaded, loaded, recorded.samples.effort))
+    return _with(recorded, np.where(is_loaded, loaded, recorded.samples.effort))
 
 
+@defect('base that rocks [deg]', (1, 2, 5))
 def _rocking(recorded: Recorded, degrees: float) -> JointSamples:
-    tilt = np.sin(degrees / DEGREES)
+    tilt, effort = np.sin(degrees / DEGREES), recorded.samples.effort
     tilted = recorded.of_arm(with_gravity(recorded.arm, np.array([9.81 * tilt, 0.0, -9.81])))
     sway = np.sin(2.0 * np.pi * SWAY_HZ * recorded.samples.t)[:, np.newaxis]
-    effort = recorded.samples.effort
-    return replace(recorded.samples, effort=effort + sway * (tilted - effort))
+    return _with(recorded, effort + sway * (tilted - effort))
 
 
+@defect('percent of ratings, ratio of neighbours', (1.5, 3, 6))
 def _rated(recorded: Recorded, ratio: float) -> JointSamples:
     ratings = 0.87 * ratio ** -np.resize([0.0, 1.0], recorded.samples.n_joints)
-    return replace(recorded.samples, effort=recorded.samples.effort / ratings)
+    return _with(recorded, recorded.samples.effort / ratings)
 
 
+@defect('offsets that drift [N m/min]', (1, 3, 8))
 def _drifting(recorded: Recorded, per_minute: float) -> JointSamples:
     drift = per_minute / 60.0 * recorded.samples.t[:, np.newaxis]
-    return replace(recorded.samples, effort=recorded.samples.effort + drift)
+    return _with(recorded, recorded.samples.effort + drift)
 
 
+@defect('efforts late [s]', (0.02, 0.05, 0.08), 'effort_delay')
 def _delayed(recorded: Recorded, seconds: float) -> JointSamples:
     t, effort = recorded.samples.t, recorded.samples.effort
-    late = [np.interp(t - seconds, t, column) for column in effort.T]
-    return replace(recorded.samples, effort=np.column_stack(late))
+    return _with(recorded, np.column_stack([np.interp(t - seconds, t, x) for x in effort.T]))
 
 
+@defect('effort of joint 2 late [s]', (0.03, 0.05, 0.08), 'effort_delay')
 def _delayed_alone(recorded: Recorded, seconds: float) -> JointSamples:
-    return _effort(recorded, 1, _delayed(recorded, seconds).effort[:, 1])
+    return _with(recorded, _delayed(recorded, seconds).effort[:, 1], 1)
 
 
+@defect('effort of joint 2 held [Hz]', (50, 20, 10), 'effort_held')
 def _held(recorded: Recorded, rate_hz: float) -> JointSamples:
     period, count = round(RATE_HZ / rate_hz), recorded.samples.n_samples
-    return _effort(recorded, 1, recorded.samples.effort[period * (np.arange(count) // period), 1])
+    return _with(recorded, recorded.samples.effort[period * (np.arange(count) // period), 1], 1)
 
 
+@defect('positions low-passed [Hz]', (10, 5, 2), 'effort_delay')
 def _low_passed(recorded: Recorded, cutoff_hz: float) -> JointSamples:
     low, samples = butter(1, cutoff_hz, fs=RATE_HZ), recorded.samples
     start = samples.position[0]
     position = start + lfilter(*low, samples.position - start, axis=0)
     return replace(samples, position=position, velocity=lfilter(*low, samples.velocity, axis=0))
-
-
-DEFECTS: dict[str, tuple[Spoil, tuple[float, float, float], set[str]]] = {
-    'another publisher, every n-th sample': (_alternating, (10, 4, 2), {'alternating'}),
-    'effort of joint 2 that of joint 3, plus noise of': (
-        _copied,
-        (0.01, 0.001, 0.0),
-        {'effort_copied'},
-    ),
-    'degrees, motion times': (
-        _in_units(DEGREES),
-        (0.1, 0.2, 0.5),
-        {'position_degrees', 'position_unit'},
-    ),
-    'revolutions, motion times': (_in_units(0.5 / np.pi), (0.1, 0.2, 0.5), {'position_unit'}),
-    'velocities times': (_velocities, (1.05, 1.1, 1.2), {'velocity_scale'}),
-    'times of the clock times': (_times, (1.05, 1.1, 1.2), {'velocity_scale'}),
-    'sign of one effort turned, index': (_turned, (3, 2, 1), {'effort_sign'}),
-    'efforts of neighbours exchanged, index': (_exchanged, (2, 1, 0), {'effort_exchanged'}),
-    'unsigned efforts, joints': (_unsigned, (1, 2, 7), {'effort_unsigned'}),
-    'clipped below noise, percent at each end': (_clipped, (2, 5, 10), {'effort_clipped'}),
-    'payload every 4 s [kg]': (_payload, (1, 3, 6), set()),
-    'base that rocks [deg]': (_rocking, (1, 2, 5), set()),
-    'percent of ratings, ratio of neighbours': (_rated, (1.5, 3, 6), set()),
-    'offsets that drift [N m/min]': (_drifting, (1, 3, 8), set()),
-    'efforts late [s]': (_delayed, (0.02, 0.05, 0.08), {'effort_delay'}),
-    'effort of joint 2 late [s]': (_delayed_alone, (0.03, 0.05, 0.08), {'effort_delay'}),
-    'effort of joint 2 held [Hz]': (_held, (50, 20, 10), {'effort_held'}),
-    'positions low-passed [Hz]': (_low_passed, (10, 5, 2), {'effort_delay'}),
-}
-"""How to spoil a recording, the sizes from small to large, and which findings are right."""
 
 
 CAUTIONS = {
