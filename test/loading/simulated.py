@@ -52,17 +52,8 @@ def simulated(
     """
     Record a motion of four joints of a Panda with friction.
 
-    Parameters
-    ----------
-    seed : int
-    delays_s : ndarray, shape (4,)
-        How much later than positions the efforts are measured.
-    position_noise : float
-        Standard deviation of white noise [rad].
-    fastest : int
-        Fastest sinusoid, in tenths of Hz.
-    coulomb : float
-        Friction of every joint [N m].
+    Efforts are measured later than positions, by `delays_s` (4,). White noise of positions is in
+    rad, the fastest sinusoid in tenths of Hz, the Coulomb friction of every joint in N m.
 
     """
     rng = np.random.default_rng(seed)

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 
+from benchmarks.query_million import ALLOWED_BLOCKS
 from evaluation.models import small_model
 from export.arms import model_of, random_arm
 import numpy as np
@@ -25,7 +26,6 @@ from benchmarks import (
 )
 from benchmarks.__main__ import available, main
 from benchmarks._results import Results, Row
-from benchmarks.query_million import ALLOWED_BLOCKS
 from lip_id_ros.recording import read_bag
 
 pytestmark = pytest.mark.slow

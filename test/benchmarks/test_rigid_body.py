@@ -10,9 +10,10 @@ import pytest
 from simulation.panda_runs import runs
 
 from benchmarks.baselines import method
-from benchmarks.baselines.rigid_body_friction import RigidBodyFriction
+from benchmarks.baselines.rigid_body import RigidBody
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import metrics
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.progress import silent
 from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation import JointFriction
@@ -47,7 +48,8 @@ def test_selected_friction_beside_true_kinematics() -> None:
     extra = [5.0 * d.dq * np.abs(d.dq) * [1.0, 0.0, 0.0] for d in (data, unseen)]
     data, unseen = (replace(d, tau=d.tau + e) for d, e in zip((data, unseen), extra, strict=True))
     learned = method('rigid_body_friction', panda_urdf()).fit(data, SETTINGS, silent)
-    assert isinstance(learned, RigidBodyFriction)
+    assert isinstance(learned, RigidBody)
+    assert isinstance(learned.friction, FrictionModel)
     found = learned.predict(unseen.q, unseen.dq, unseen.ddq)
     # the simulated sign jumps, the selected one is smooth
     assert metrics.nmse_percent(found.tau, unseen.tau).max() < 0.5
