@@ -55,12 +55,6 @@ def test_any_order_of_names_gives_the_same_samples(orders: list[list[str]]) -> N
     np.testing.assert_array_equal(buffer.samples().effort, expected)
 
 
-def test_joints_are_those_of_the_first_message_if_not_named() -> None:
-    buffer = filled(SampleBuffer(), [0.0])
-    assert buffer.joint_names == NAMES
-    assert buffer.samples().joint_names == NAMES
-
-
 def test_a_message_that_is_dropped_does_not_choose_the_joints() -> None:
     buffer = SampleBuffer()
     assert buffer.add(1 * SECOND, ['finger'], [math.nan], [], []) is Reason.NOT_FINITE
@@ -182,11 +176,6 @@ def test_clear_forgets_joints_that_were_not_named() -> None:
     assert (len(buffer), buffer.counts, buffer.joint_names) == (0, Counter(), ())
     assert buffer.add(0, ['finger'], [1], [], []) is None
     assert buffer.samples().n_joints == 1
-
-
-def test_empty_buffer_gives_no_samples() -> None:
-    samples = SampleBuffer(NAMES).samples()
-    assert (samples.n_samples, samples.n_joints, samples.position.shape) == (0, 3, (0, 3))
 
 
 def test_endless_variety_of_names_is_not_remembered() -> None:

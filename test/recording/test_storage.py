@@ -78,13 +78,6 @@ def test_ros1_bag_gives_what_the_library_finds(tmp_path: Path, compression: obje
     assert stored(path) == of_library(rosbag1.Reader(path))
 
 
-def test_ros1_bag_of_two_publishers_of_a_topic_keeps_their_order(tmp_path: Path) -> None:
-    path = tmp_path / 'a.bag'
-    write_ros1(path, moving(10), publishers=2)
-    assert [time for time, _ in stored(path)] == [k * STEP_NS for k in range(10)]
-    assert read_bag(path).notes == ()
-
-
 def test_sqlite_gives_what_the_library_finds(tmp_path: Path) -> None:
     path = write_file(tmp_path / 'a', STATES, '.db3')
     assert stored(path) == of_library(rosbag2.Reader(path))
@@ -186,17 +179,3 @@ def test_sqlite_log_that_was_never_merged_is_read(tmp_path: Path) -> None:
     assert read_bag(path).n_samples == 20
     assert path.read_bytes() == kept['a.db3']
     assert (path.parent / 'a.db3-wal').read_bytes() == log
-
-
-def test_sqlite_log_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
-    path = write_file(tmp_path / 'a', moving(30), '.db3')
-    with sqlite3.connect(path) as database:
-        database.execute('PRAGMA journal_mode=WAL')
-    database.close()
-    log = path.parent / 'a.db3-wal'
-    log.mkdir()
-    (log / 'not_empty').touch()
-    samples = read_bag(path)
-    assert samples.n_samples == 30
-    (note,) = samples.notes
-    assert note.startswith('a.db3: a.db3-wal cannot be read (')
