@@ -77,19 +77,6 @@ def test_a_missing_folder_is_an_os_error(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == []
 
 
-def test_a_file_for_a_folder_is_an_os_error(tmp_path: Path) -> None:
-    (tmp_path / 'file').touch()
-    with pytest.raises(NotADirectoryError, match=r"file/inner'$"):
-        write_atomically(tmp_path / 'file' / 'inner', write_new)
-
-
-def test_a_folder_is_not_overwritten(tmp_path: Path) -> None:
-    (tmp_path / 'folder').mkdir()
-    with pytest.raises(IsADirectoryError, match='folder'):
-        write_atomically(tmp_path / 'folder', write_new)
-    assert os.listdir(tmp_path) == ['folder']
-
-
 def test_permissions_follow_the_mask(tmp_path: Path) -> None:
     mask = os.umask(0o027)
     try:
@@ -171,16 +158,6 @@ def test_a_flipped_bit_is_seen_or_harmless(
         np.testing.assert_array_equal(arrays[name], ARRAYS[name])
 
 
-@given(content=st.binary(max_size=200))
-def test_random_bytes_fail(content: bytes, tmp_path_factory: pytest.TempPathFactory) -> None:
-    check_refused(tmp_path_factory.mktemp('npz') / 'file', content, 'not an npz archive')
-
-
-def test_a_missing_file_is_an_os_error(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match=r'nothing\.npz'):
-        read_npz(tmp_path / 'nothing.npz')
-
-
 def test_a_link_is_followed_and_the_mode_is_kept(tmp_path: Path) -> None:
     target, link = tmp_path / 'target', tmp_path / 'link'
     target.write_bytes(b'old')
@@ -190,12 +167,6 @@ def test_a_link_is_followed_and_the_mode_is_kept(tmp_path: Path) -> None:
     assert link.is_symlink()
     assert target.read_bytes() == b'new'
     assert stat.S_IMODE(target.stat().st_mode) == 0o600
-
-
-def test_a_link_to_nothing_creates_its_target(tmp_path: Path) -> None:
-    (tmp_path / 'link').symlink_to('target')
-    write_atomically(tmp_path / 'link', write_new)
-    assert (tmp_path / 'target').read_bytes() == b'new'
 
 
 def test_a_pipe_is_written_to(tmp_path: Path) -> None:
@@ -279,14 +250,11 @@ def claimed(shape: str) -> bytes:
     [
         (claimed('(1000000000000,)'), r'an array of shape .1000000000000,. in only'),
         (claimed('(1000000, 1000000, 1000000)'), 'an array of shape'),
-        (claimed('(-5,)'), 'negative dimensions'),
         (archive(header_json=np.array('[' * 100_000), **ARRAYS), 'nested too deeply|not a JSON'),
-        (archive(header_json=np.array('5'), **ARRAYS), 'not a JSON object'),
-        (archive(header_json=np.array('{"a": ' + '9' * 5000 + '}'), **ARRAYS), 'digit'),
         (b'', 'not an npz archive'),
     ],
     # The bytes hold the time of their making: workers must agree on names.
-    ids=['huge', 'huge product', 'negative', 'deep', 'number', 'many digits', 'empty'],
+    ids=['huge', 'huge product', 'deep', 'empty'],
 )
 def test_hostile_archives_are_refused(tmp_path: Path, content: bytes, sentence: str) -> None:
     (tmp_path / 'file.npz').write_bytes(content)
@@ -302,12 +270,6 @@ def test_an_archive_that_expands_beyond_measure_is_refused(
     monkeypatch.setattr(files, 'LARGE_BYTES', 1_000_000)
     with pytest.raises(ValueError, match='that expand to 8000'):
         read_npz(tmp_path / 'file.npz')
-
-
-def test_an_archive_in_a_pipe_is_refused(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / 'pipe.npz')
-    with pytest.raises(SourceError, match='must be a regular file'):
-        read_npz(tmp_path / 'pipe.npz')
 
 
 def test_the_header_alone_is_read(tmp_path: Path) -> None:

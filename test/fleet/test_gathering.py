@@ -124,11 +124,6 @@ def test_damaged_bytes_are_refused(cut: int) -> None:
         RecordingFactors.from_bytes(content[:cut])
 
 
-def test_bytes_of_another_kind_are_refused() -> None:
-    with pytest.raises(DataError, match='a Survey with all of its entries was expected'):
-        Survey.from_bytes(gather_kept(DATA, AROUND).to_bytes())
-
-
 def test_residuals_are_those_of_the_rows() -> None:
     """At the present parameters, of which steps of placements and widths are zero."""
     arm = arm_of(1, ('revolute', 'prismatic', 'revolute'))

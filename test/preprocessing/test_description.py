@@ -53,12 +53,6 @@ def test_bag_without_velocity_effort_or_time(tmp_path: Path) -> None:
     assert ranges == {'position': [0.0, 0.0], 'velocity': None, 'effort': None}
 
 
-def test_bag_without_usable_messages(tmp_path: Path) -> None:
-    path = write_folder(tmp_path / 'bag', moving(2, position=()))
-    (recording,) = json.loads(json.dumps(describe(path), allow_nan=False))['recordings']
-    assert (recording['samples'], recording['dropped']) == (0, {'position empty': 2})
-
-
 def test_every_topic_with_joint_samples_is_described(tmp_path: Path) -> None:
     states = [*moving(3, topic='/left'), *moving(4, topic='/right')]
     description = describe(write_folder(tmp_path / 'bag', states))
