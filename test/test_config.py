@@ -23,8 +23,6 @@ from lip_id_ros.settings import (
     PreprocessingSettings,
     read_config,
     RecordingSettings,
-    Row,
-    rows,
     setting,
     Settings,
 )
@@ -40,10 +38,6 @@ class Example(Settings):
     mode: str = setting('fast', 'A mode.', choices=('fast', 'slow'))
     names: tuple[str, ...] = setting((), 'Names.')
     gains: tuple[float, ...] = setting((), 'Gains.', minimum=0.0)
-
-
-def row(name: str) -> Row:
-    return next(row for row in rows(Example) if row.name == name)
 
 
 @pytest.fixture
@@ -98,18 +92,6 @@ def test_numbers_and_arrays_of_numpy_are_taken() -> None:
     assert type(example.rate) is float
     with pytest.raises(ConfigError, match=r'cutoff_hz must be a number .* not array\(\['):
         PreprocessingSettings(cutoff_hz=np.array([1.0, 2.0]))  # type: ignore[arg-type]
-
-
-def test_rows_carry_the_documentation() -> None:
-    assert row('count') == Row('count', 'int', 3, 'A count.', '', 1, 9, (), '')
-    assert [row.kind for row in rows(Example)] == [
-        'bool',
-        'int',
-        'float',
-        'str',
-        'list of str',
-        'list of float',
-    ]
 
 
 def test_every_setting_has_a_description_and_an_allowed_default() -> None:

@@ -182,14 +182,6 @@ def test_times_may_be_negative(tmp_path: Path) -> None:
     np.testing.assert_allclose(samples.t, np.arange(100) / 10, atol=1e-9)
 
 
-def test_late_rows_are_put_where_they_belong(tmp_path: Path) -> None:
-    lines = [f'{k / 10},{k},1' for k in range(100)]
-    lines.insert(60, lines.pop(20))
-    samples = read_log(log(tmp_path / 'log.csv', '\n'.join(['t,q_a,tau_a', *lines, ''])))
-    np.testing.assert_array_equal(samples.position[:, 0], np.arange(100))
-    assert samples.notes == ('1 messages came late and were put where they belong',)
-
-
 @pytest.mark.parametrize('rest', ['0.05', '5,4.2,', '5,4.2,3e'])
 def test_last_line_that_was_cut_short_is_left_out(tmp_path: Path, rest: str) -> None:
     text = 't,q_a,tau_a\n' + ''.join(f'{k / 100},{k},1\n' for k in range(6107)) + rest
@@ -248,17 +240,6 @@ def test_velocities_of_some_joints_only_are_noted(tmp_path: Path) -> None:
     samples = read_log(log(tmp_path / 'log.csv', 't,q_a,q_b,dq_a,tau_a,tau_b\n0,1,1,2,3,4\n'))
     assert not samples.has_velocity
     assert samples.notes == ('velocities were not read, since dq_b is missing',)
-
-
-def test_columns_of_nothing_but_nan_were_not_recorded(tmp_path: Path) -> None:
-    text = 't,q_a,q_b,dq_a,dq_b,tau_a,tau_b\n' + ''.join(
-        f'{k},1,{k},nan,nan,{k},{effort}\n' for k, effort in enumerate('345x6')
-    )
-    samples = read_log(log(tmp_path / 'log.csv', text.replace('x', 'nan')))
-    assert not samples.has_velocity
-    assert samples.has_effort
-    assert samples.counts == {'value not finite': 1}
-    assert samples.notes == ('some values of b are not finite',)
 
 
 @pytest.mark.parametrize('start', [1.7e12, 1.7e15, 1.7e18])

@@ -205,35 +205,6 @@ def test_code_from_the_cache_rounds_as_code_just_compiled(tmp_path: Path) -> Non
     assert len(first) > 1000
 
 
-AT_ONCE = """
-from pathlib import Path
-import sys
-import time
-import inner  # with all that takes time
-Path(sys.argv[1]).touch()
-while len(list(Path().glob('ready*'))) < 3:
-    time.sleep(0.001)
-import outer
-print(sum(outer.outer.stats.cache_misses.values()), sum(inner.inner.stats.cache_misses.values()))
-"""
-
-
-def test_of_processes_that_need_a_function_at_once_one_compiles_it(folder: Path) -> None:
-    (folder / 'at_once.py').write_text(AT_ONCE)
-    processes = [
-        subprocess.Popen(
-            [sys.executable, 'at_once.py', f'ready{number}'],
-            cwd=folder,
-            env=environment(),
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        for number in range(3)
-    ]
-    lines = [process.communicate()[0].splitlines()[-1] for process in processes]
-    assert sorted(lines) == ['0 0', '0 0', '1 1']
-
-
 def test_a_process_that_stands_still_while_it_compiles_stops_no_other(folder: Path) -> None:
     run(folder)
     held = [os.open(lock, os.O_RDWR) for lock in (folder / '__pycache__').glob('*.lock')]

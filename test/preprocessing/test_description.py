@@ -107,12 +107,3 @@ def test_data_set(tmp_path: Path) -> None:
     assert description['ranges']['b']['tau'] == [-7.0, -1.0]
     assert description['joint_types'] == ['revolute', 'prismatic']
     assert description['provenance'] == {'seed': 1}
-
-
-def test_real_bags(shared_data: Path) -> None:
-    bags = shared_data / 'unisa_ros2_bags'
-    (panda,) = describe(bags / 'panda')['recordings']
-    assert panda['timing']['rate_hz'] == pytest.approx(30.0, abs=0.1)
-    assert panda['timing']['gaps'] == 0
-    assert describe(bags / 'ur10_validation')['recordings'] == []
-    json.dumps(describe(shared_data / 'tiago_ros1_jtc_state' / 'arm_jointstate.bag'))

@@ -48,15 +48,6 @@ def test_velocity_comes_from_position_where_it_is_missing() -> None:
     assert data.provenance['sources'][0]['velocity'] == 'differentiated from position'
 
 
-def test_jitter_and_lost_messages_do_little_harm() -> None:
-    rng = np.random.default_rng(3)
-    t = (T + rng.uniform(-0.003, 0.003, T.size))[rng.uniform(size=T.size) > 0.1]
-    data = preprocess(recording(t))
-    assert np.unique(data.segment).size == 1
-    np.testing.assert_allclose(np.diff(data.t), np.diff(data.t)[0])
-    assert relative_error(data.ddq, Sinusoids().acceleration(data.t)) < 3e-3
-
-
 def test_same_low_pass_on_all_signals() -> None:
     """Above the cut-off, torque and acceleration lose the same: the law between them stays."""
     motion = Sinusoids(highest_hz=5.0)

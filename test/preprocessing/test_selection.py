@@ -78,11 +78,6 @@ def test_nothing_is_left_out_where_nothing_is_asked() -> None:
     assert for_training(DATA, PreprocessingSettings(min_velocity=0.0), 'recursive') is DATA
 
 
-def test_an_arm_is_fitted_to_samples_near_rest_too() -> None:
-    data = with_velocity([[1.0, 0.0], [0.01, 0.0], [-1.0, 0.0]])
-    assert for_training(data, PreprocessingSettings(), 'articulated') is data
-
-
 def test_coverage_takes_what_time_passes_over() -> None:
     q, far = DATA.q.copy(), 777
     ddq = DATA.ddq.copy()
