@@ -182,7 +182,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ('index', 'lip_id_ros', 0),
         ('tutorials/first-model', 'A first model in five minutes', 1),
         ('how-to/read-a-report', 'Read a report', 1),
-        ('explanation/how-it-works', 'How it works', 1),
         ('reference/api', 'Python API', 0),
     ],
 )
