@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from model.models import torque_of_processes
 import numpy as np
 import pytest
+from torch_later import needs_torch, torch
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
@@ -151,8 +152,8 @@ def test_the_correlation_is_one_of_gaussian_processes() -> None:
     assert np.linalg.eigvalsh(gram).min() > -1e-10
 
 
+@needs_torch
 def test_length_scales_by_automatic_differentiation() -> None:
-    torch = pytest.importorskip('torch')
     rng = np.random.default_rng(0)
     x, y, known = rng.standard_normal((30, 4)), rng.standard_normal(30), np.full((30, 30), 0.7)
     theta = rng.normal(size=5)

@@ -9,10 +9,12 @@ from typing import Any
 
 from gp.processes import process_of
 from kernels.cases import MEMBERS, random_states
+from kernels.reference import EnergyReference, State
 from model.models import KERNELS, random_model, with_noise
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from torch_later import needs_torch, torch
 
 from lip_id_ros import numba_jit
 from lip_id_ros.arrays import Array
@@ -27,10 +29,6 @@ from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
 from lip_id_ros.rigid_body.regressor import kinetic_regressor, potential_regressor
-
-torch = pytest.importorskip('torch', reason='the reference differentiates with torch')
-
-from kernels.reference import EnergyReference, State  # noqa: E402
 
 States = tuple[Array, Array, Array]
 
@@ -113,6 +111,7 @@ def at_rest(q: Array) -> State:
     return State(*torch.tensor(np.stack([q, 0.0 * q, 0.0 * q])[:, None]))
 
 
+@needs_torch
 @pytest.mark.parametrize('friction', [False, True])
 @pytest.mark.parametrize('member', MEMBERS)
 def test_against_the_textbook(member: str, friction: bool) -> None:
