@@ -9,13 +9,12 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 import pytest
 
-from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.friction.terms import LoadCoulomb
-from lip_id_ros.identification import factor_sum, gathering
+from lip_id_ros.identification import gathering
 from lip_id_ros.identification.gathering import Gathering, statistics_of
 from lip_id_ros.identification.joint_rows import JointRows
 from lip_id_ros.identification.linearisation import Linearisation, Samples
@@ -62,20 +61,6 @@ def test_any_number_of_samples_has_the_statistics_of_their_rows(count: int) -> N
     if count:
         assert_same(found, plain(data.select(rows), around))
     assert_array_equal(found.counts, count)
-
-
-def test_most_samples_take_the_fast_way(monkeypatch: pytest.MonkeyPatch) -> None:
-    taken: list[int] = []
-    by_rotations = factor_sum.FactorSum._add_by_rotations
-
-    def count(self: factor_sum.FactorSum, rows: Array) -> None:
-        taken.append(len(rows))
-        by_rotations(self, rows)
-
-    monkeypatch.setattr(factor_sum.FactorSum, '_add_by_rotations', count)
-    data, around = around_of()
-    statistics_of(data, np.arange(COUNT), around)
-    assert sum(taken) <= 3 * 3 * gathering.CHUNK
 
 
 def test_memory_does_not_depend_on_their_number(monkeypatch: pytest.MonkeyPatch) -> None:

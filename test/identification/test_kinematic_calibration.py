@@ -66,13 +66,6 @@ def test_linear_parameters_solve_the_ridge_problem(joint_types: tuple[str, ...])
     np.testing.assert_allclose(at.parameters, expected, atol=1e-6 * np.abs(expected).max())
 
 
-def test_descents_go_down() -> None:
-    _, problem = problem_of((R, P, R))
-    first = problem.at(*start(3, seed=5))
-    end = problem.descend(first.chain.rotations, first.chain.translations, evaluations=40)
-    assert end.cost < 0.1 * first.cost
-
-
 def test_weights_of_zero_leave_samples_out() -> None:
     samples, _ = problem_of((R, R))
     keep = np.arange(10)
@@ -94,12 +87,6 @@ def test_numbers_too_large_are_refused() -> None:
     huge = replace(samples, tau=1e200 * samples.tau)
     with pytest.raises(FitError, match=r'finite in units of the noise but are not: check'):
         PlacementProblem(huge, np.full(2, 1e-200)).at(*start(2, seed=1))
-
-
-def test_steps_beyond_finite_numbers_cost_infinitely_much() -> None:
-    _, problem = problem_of((R, R))
-    at = problem.at(*start(2, seed=1))
-    assert problem.stepped(at, np.full(12, 1e200)).cost == np.inf
 
 
 def test_a_heavy_slide_beside_small_noise_is_solved() -> None:

@@ -94,16 +94,6 @@ def test_better_than_normal_equations() -> None:
     np.testing.assert_allclose(got, theta, rtol=1e-5)
 
 
-def test_squared_residuals() -> None:
-    features, tau = samples(50)
-    theta = np.random.default_rng(2).standard_normal((3, 9))
-    got = part(features, tau, slice(None)).squared_residuals(theta)
-    for k, each in enumerate(theta):
-        for i, column in enumerate(COLUMNS):
-            expected = np.sum((tau[:, i] - features[i] @ each[column]) ** 2)
-            assert got[k, i] == pytest.approx(expected, rel=1e-10)
-
-
 def test_chosen_parameters_alone() -> None:
     features, tau = samples(200)
     chosen = np.array([7, 0, 2, 5])
@@ -215,22 +205,6 @@ def test_variances_are_true_where_noise_is_correlated(together: int) -> None:
     assert np.std(inflations) < 0.8  # by errors of left-out blocks it was 0.93
     assert np.mean(said) == pytest.approx(np.mean(seen), rel=0.2), (np.mean(said), np.mean(seen))
     assert np.mean(noises) == pytest.approx(1.0, abs=0.02)
-
-
-def test_variance_of_a_prediction() -> None:
-    features, tau = samples(30)
-    got = posterior(part(features, tau, slice(None)), NOISE, PRIOR)
-    covariance = np.linalg.inv(got.information_root.T @ got.information_root)
-    rows = np.random.default_rng(3).standard_normal((5, 9))
-    np.testing.assert_allclose(got.variance(rows), np.diagonal(rows @ covariance @ rows.T))
-
-
-def test_gone_on_with() -> None:
-    features, tau = samples(60)
-    first = part(features, tau, slice(0, 40))
-    both = first.update([f[40:] for f in features], tau[40:])
-    expected = posterior(part(features, tau, slice(None)), NOISE, PRIOR).mean
-    np.testing.assert_allclose(posterior(both, NOISE, PRIOR).mean, expected, rtol=1e-10)
 
 
 def test_blocks_are_contiguous_and_alike_in_size() -> None:

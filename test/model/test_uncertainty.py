@@ -144,22 +144,6 @@ def test_the_potential_is_certain_at_its_reference(member: str) -> None:
     assert got.potential[0] < 1e-6 * got.potential[1]
 
 
-@pytest.mark.parametrize('member', KERNELS)
-def test_the_kinetic_energy_is_certain_at_rest(member: str) -> None:
-    q, dq, ddq = queries(3)
-    got = random_model(member).standard_deviation(q, 0.0 * dq, ddq)
-    np.testing.assert_array_equal(got.kinetic, 0.0)
-
-
-def test_data_only_take_uncertainty_away() -> None:
-    model = random_model('recursive')
-    x = queries(20)
-    got = model.standard_deviation(*x)
-    process = process_of(model)
-    prior = process.prior.torque_variance(process.prior.kernel.states(*x))
-    assert (got.tau**2 < process.inflation * prior).all()
-
-
 def test_queries_are_independent_of_their_block() -> None:
     predictor = random_model('recursive')
     x = queries(BLOCK + 3)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from rigid_body.arms import random_bodies, random_chain, torques_and_energies
+from rigid_body.arms import random_bodies, random_chain
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.rigid_body import Chain
@@ -20,7 +20,6 @@ from lip_id_ros.rigid_body.couplings import (
     read_couplings,
     rows_of,
 )
-from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
 from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
 from lip_id_ros.rigid_body.regressor import (
     kinetic_regressor,
@@ -153,16 +152,6 @@ def test_inertia_matrix_is_symmetric_and_positive_definite(arm: str) -> None:
     matrix -= torque_regressor(chain, q, still, still) @ p
     np.testing.assert_allclose(matrix, matrix.T, atol=1e-11)
     assert np.linalg.eigvalsh(matrix)[0] > 0.0
-
-
-@pytest.mark.parametrize('arm', CASES)
-def test_standard_frames_keep_couplings(arm: str) -> None:
-    chain, links, rng = coupled_arm(arm)
-    states = rng.standard_normal((3, 4, len(arm)))
-    standard, moved = with_standard_frames(chain, links)
-    expected = torque_regressor(chain, *states) @ links.ravel()
-    found = torques_and_energies(standard, moved, states)[0]
-    np.testing.assert_allclose(found, expected, atol=1e-10)
 
 
 COUPLINGS = st.lists(

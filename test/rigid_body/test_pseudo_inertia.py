@@ -23,13 +23,6 @@ SCALE = scale_of(3.0, 0.3)
 NUMBERS = arrays(np.float64, (2, 11), elements=st.floats(-3.0, 2.0))
 
 
-def test_the_scale_is_that_of_a_link_of_its_mass_and_size() -> None:
-    (link,) = link_parameters(np.zeros((1, 11)), scale_of(4.0, 0.3))
-    assert link[0] == pytest.approx(4.0)
-    assert link[[4, 7, 9]] == pytest.approx([2 * 4.0 * 0.3**2] * 3)
-    assert link[10] == pytest.approx(4.0 * 0.3**2)
-
-
 @given(NUMBERS)
 def test_every_vector_is_a_link_that_can_exist(numbers: Array) -> None:
     parameters = link_parameters(numbers, SCALE)
@@ -63,13 +56,6 @@ def test_a_point_mass_and_its_parameters() -> None:
     inertia = (r @ r) * np.eye(3) - np.outer(r, r)
     parameters = np.array([1.0, *r, *inertia[np.triu_indices(3)]])
     assert pseudo_inertia(parameters) == pytest.approx(np.outer([*r, 1.0], [*r, 1.0]))
-
-
-def test_links_that_cannot_exist_are_moved_to_ones_that_can() -> None:
-    negative = np.array([[-1.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.1, 0.0, 0.1, -0.5]])
-    parameters = link_parameters(log_cholesky(negative, SCALE), SCALE)
-    assert (np.linalg.eigvalsh(pseudo_inertia(parameters[:, :10])) > 0.0).all()
-    assert parameters[0, 10] == pytest.approx(1e-3 * SCALE.rotors[0])
 
 
 @given(NUMBERS)
