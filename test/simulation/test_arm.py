@@ -102,20 +102,6 @@ def test_power_of_the_torques_is_the_change_of_energy() -> None:
 
 
 @needs_pinocchio
-def test_locked_joints_keep_their_mass() -> None:
-    whole, three = panda(7), panda(3)
-    q = np.zeros((1, 7))
-    q[0, 3:] = (-2.0, 0.0, 1.8, 0.7)
-
-    torque = whole.inverse_dynamics(q, 0 * q, 0 * q)[:, :3]
-
-    assert three.joint_names == ('panda_joint1', 'panda_joint2', 'panda_joint3')
-    np.testing.assert_allclose(
-        three.inverse_dynamics(q[:, :3], 0 * q[:, :3], 0 * q[:, :3]), torque, atol=1e-10
-    )
-
-
-@needs_pinocchio
 @pytest.mark.parametrize('n_joints', [0, 10])
 def test_more_joints_than_the_robot_has(n_joints: int) -> None:
     with pytest.raises(DataError, match=rf'{n_joints} joints were asked of .*panda.urdf, .*'):
