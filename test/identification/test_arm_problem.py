@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gp.chains import P, R
-from identification.arms import samples_of
+from identification.arms import assert_gradient, samples_of
 import numpy as np
 import pytest
 from rigid_body.arms import angles_between, distances_between
@@ -56,13 +56,7 @@ def test_the_jacobian_by_differences(joint_types: tuple[str, ...]) -> None:
 @pytest.mark.parametrize('joint_types', ARMS)
 def test_the_gradient_by_differences(joint_types: tuple[str, ...]) -> None:
     problem, state, _ = problem_of(joint_types)
-    _, found = problem.normal_equations(state)
-    step = 1e-6
-    expected = [
-        (problem.stepped(state, way).cost - problem.stepped(state, -way).cost) / (2.0 * step)
-        for way in step * np.eye(len(found))
-    ]
-    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6 * np.abs(expected).max())
+    assert_gradient(problem, state, rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize('joint_types', ARMS)

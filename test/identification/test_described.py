@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+from identification.arms import assert_gradient
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -183,13 +184,7 @@ def test_the_gradient_with_a_description_by_differences() -> None:
     fitter, fit_ = started(load_description(perturbed(1), NAMES, TYPES))
     problem = fitter.problem(data, fit_)
     state = problem.evaluated(fit_.state)
-    _, found = problem.normal_equations(state)
-    step = 1e-6
-    expected = [
-        (problem.stepped(state, way).cost - problem.stepped(state, -way).cost) / (2.0 * step)
-        for way in step * np.eye(len(found))
-    ]
-    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-5 * np.abs(expected).max())
+    assert_gradient(problem, state, rtol=1e-3, atol=1e-5)
 
 
 @pytest.mark.parametrize('kernel', ['recursive', 'articulated'])

@@ -63,19 +63,26 @@ def test_any_number_of_samples_has_the_statistics_of_their_rows(count: int) -> N
     assert_array_equal(found.counts, count)
 
 
-def test_memory_does_not_depend_on_their_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    sizes: list[int] = []
+def test_chunks_are_few_rows_and_the_first_is_of_the_whole_recording(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An arm that rests at first would show a metric nothing of its motion."""
+    chunks: list[Samples] = []
     add = Gathering.add
 
-    def size(self: Gathering, samples: Samples) -> None:
-        sizes.append(len(samples.q))
+    def kept(self: Gathering, samples: Samples) -> None:
+        chunks.append(samples)
         add(self, samples)
 
-    monkeypatch.setattr(Gathering, 'add', size)
+    monkeypatch.setattr(Gathering, 'add', kept)
     data, around = around_of()
     statistics_of(data, np.arange(COUNT), around)
+    sizes = [len(each.q) for each in chunks]
     assert max(sizes) <= gathering.CHUNK
     assert sum(sizes) == COUNT
+    places = np.flatnonzero(np.isin(data.q[:, 0], chunks[0].q[:, 0]))
+    assert places[0] < 10
+    assert places[-1] > COUNT - 10
 
 
 def test_rows_of_a_joint_are_those_of_the_linearisation() -> None:
@@ -94,20 +101,3 @@ def test_rows_of_a_joint_are_those_of_the_linearisation() -> None:
         assert_array_equal(found, expected[:, some])
         assert found.flags.f_contiguous
         assert_allclose(products, expected @ check[:size], rtol=1e-12, atol=1e-12)
-
-
-def test_the_first_chunk_is_of_the_whole_recording(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An arm that rests at first would show a metric nothing of its motion."""
-    first: list[Samples] = []
-    add = Gathering.add
-
-    def kept(self: Gathering, samples: Samples) -> None:
-        first.append(samples)
-        add(self, samples)
-
-    monkeypatch.setattr(Gathering, 'add', kept)
-    data, around = around_of()
-    statistics_of(data, np.arange(COUNT), around)
-    places = np.flatnonzero(np.isin(data.q[:, 0], first[0].q[:, 0]))
-    assert places[0] < 10
-    assert places[-1] > COUNT - 10

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gp.chains import P, R
-from identification.arms import samples_of
+from identification.arms import assert_gradient, samples_of
 import numpy as np
 import pytest
 
@@ -46,13 +46,7 @@ def test_the_gradient_is_exact(joint_types: tuple[str, ...], gravity: float) -> 
     """What Kaufman's approximation leaves out of the Jacobian is normal to the residuals."""
     _, problem = problem_of(joint_types, gravity)
     at = problem.at(*start(len(joint_types), seed=1))
-    _, found = problem.normal_equations(at)
-    step = 1e-6
-    expected = [
-        (problem.stepped(at, way).cost - problem.stepped(at, -way).cost) / (2.0 * step)
-        for way in step * np.eye(len(found))
-    ]
-    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=2e-6 * np.abs(expected).max())
+    assert_gradient(problem, at, rtol=1e-5, atol=2e-6)
 
 
 @pytest.mark.parametrize('joint_types', ARMS)

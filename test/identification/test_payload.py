@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from export.arms import model_of, random_arm, residual_gp_of
+from identification.arms import assert_gradient
 from model.models import torque_of_processes
 import numpy as np
 import pytest
@@ -255,12 +256,7 @@ def test_the_gradient_of_a_payload_by_differences() -> None:
     problem = PayloadProblem(arm, bare, loaded)
     step = rng.standard_normal(problem.size)
     at = problem.stepped(problem.start(), 0.1 * step)
-    _, found = problem.normal_equations(at)
-    expected = [
-        (problem.stepped(at, way).cost - problem.stepped(at, -way).cost) / 2e-6
-        for way in 1e-6 * np.eye(problem.size)
-    ]
-    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-5 * np.abs(expected).max())
+    assert_gradient(problem, at, rtol=1e-3, atol=1e-5)
 
 
 def test_the_prior_of_a_payload_has_the_units_of_its_body() -> None:
