@@ -80,11 +80,7 @@ class MotionSettings(Settings):
 
 @dataclass(frozen=True)
 class SpaceSettings(Settings):
-    """
-    Where links and tool may be, in the frame of the base.
-
-    It needs a URDF, or a model that was fitted with one.
-    """
+    """Where links and tool may be, in the frame of a URDF, or of a model fitted with one."""
 
     floor_m: float | str = setting(
         BASE,

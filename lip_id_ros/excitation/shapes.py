@@ -117,6 +117,10 @@ def _completed(
     missing = [each for each in (0, *joints) if each not in shaped]
     ends = [model.jointPlacements[each].translation for each in joints]
     starts = [np.array([*ends[0][:2], base[2]]), *np.zeros((len(joints), 3))]
+    if space.tool and len(space.tool) != 3:
+        raise ConfigError(
+            f'space.tool needs x, y and z of the tool, but has {len(space.tool)} numbers.'
+        )
     tool = np.array(space.tool or (0.0, 0.0, 0.0))
     for joint, start, end in zip((0, *joints), starts, (*ends, tool), strict=True):
         if joint in missing:
