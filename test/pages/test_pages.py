@@ -89,7 +89,7 @@ def tracking(folder: Path) -> Path:
 
 @pytest.mark.parametrize(
     ('write', 'count'),
-    [(evaluation, 6), (recording, 2), (tracking, 8), (motion, 3)],
+    [(evaluation, 6), (recording, 2), (tracking, 8), (motion, 1)],
 )
 def test_every_figure_is_shown_without_a_network(
     tmp_path: Path, write: Callable[[Path], Path], count: int
