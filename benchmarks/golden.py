@@ -26,7 +26,6 @@ from benchmarks.deviations import measured as deviations_of
 from lip_id_ros import identification
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation.metrics import nmse_percent
-from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import for_training
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
 from lip_id_ros.simulation.arm import panda_urdf

@@ -16,7 +16,7 @@ import time
 
 import numpy as np
 
-from benchmarks._real import ARMS, FIFTHS, RealArm, rounded, SPLITS
+from benchmarks._real import ARMS, RealArm, rounded, SPLITS
 from benchmarks._results import by_error, geometric_mean, Results, Row
 from benchmarks.baselines import method
 from lip_id_ros.arrays import Array
@@ -26,7 +26,7 @@ from lip_id_ros.evaluation.metrics import nmse_percent
 from lip_id_ros.model import InverseDynamicsModel, TorqueModel
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.progress import silent
-from lip_id_ros.settings import FitSettings, PreprocessingSettings
+from lip_id_ros.settings import FitSettings
 
 PLAIN = ('se', 'gip', 'lip', 'recursive')
 KNOWN = ('rigid_body', 'rigid_body_friction')
@@ -39,36 +39,24 @@ def main(arguments: list[str]) -> int:
     parser.add_argument('data', type=Path, help='folder of the recordings')
     parser.add_argument('--results', type=Path, default=Path('real_arms.json'))
     parser.add_argument('--arms', nargs='+', choices=ARMS, default=list(ARMS))
-    parser.add_argument('--splits', nargs='+', choices=[*SPLITS, *FIFTHS], default=list(SPLITS))
+    parser.add_argument('--splits', nargs='+', choices=SPLITS, default=list(SPLITS))
     parser.add_argument('--models', nargs='+', default=[ARTICULATED, *KNOWN, *PLAIN])
-    parser.add_argument('--min-velocity', type=float, default=-1.0, help='(default: by the model)')
     parser.add_argument(
         '--fits', type=int, default=1, help='of slightly different torques, for the median of each'
     )
     options = parser.parse_args(arguments)
-    preprocessing = PreprocessingSettings(min_velocity=options.min_velocity)
     results = Results(options.results)
     for model, name, split in product(options.models, options.arms, options.splits):
-        measure = partial(
-            _median, ARMS[name], options.data, split, model, preprocessing, options.fits
-        )
+        measure = partial(_median, ARMS[name], options.data, split, model, options.fits)
         results.row(f'{name}, {split} | {model}', measure)
     for table in (accuracy, known_kinematics, plain):
         print(*table(results.rows), '', sep='\n')
     return 0
 
 
-def _median(
-    arm: RealArm,
-    data: Path,
-    split: str,
-    model: str,
-    preprocessing: PreprocessingSettings,
-    count: int,
-) -> Row:
+def _median(arm: RealArm, data: Path, split: str, model: str, count: int) -> Row:
     """Return the fit of the median geometric mean of errors, and the lowest and the highest."""
-    kernel = ARTICULATED if model in KNOWN else model
-    train, test = arm.split(data, split, kernel, preprocessing)
+    train, test = arm.split(data, split, ARTICULATED if model in KNOWN else model)
     urdf = data / arm.urdf
     rows = [_measured(rounded(train, seed), test, model, urdf) for seed in range(count)]
     if any('error' in row for row in rows):

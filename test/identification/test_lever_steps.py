@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from identification import springs
 import numpy as np
 import pytest
 
-from benchmarks import springs
-from benchmarks._drives import random_arm
+from benchmarks._arms import random_arm
 from lip_id_ros.friction.conservative_terms import LeverSpring
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, ROUND
 from lip_id_ros.identification.lever_steps import with_lever_steps
@@ -21,7 +21,7 @@ SAMPLES = 400
 
 def fitted(kind: str, others: dict[int, str] | None = None) -> tuple[ArmFitter, ArmFit]:
     """Return a fit to a simulated arm from where its joints are; others have springs too."""
-    data = springs.simulated(kind, 0, 0)
+    data = springs.simulated(kind)
     tau = data.tau.copy()
     for seed, (joint, other) in enumerate((others or {}).items(), start=1):
         tau[:, joint] += data.tau[:, joint].std() * springs.spring(other, seed, data.q[:, joint])

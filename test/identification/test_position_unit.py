@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from identification.drives import recording
 import pytest
 
-from benchmarks._drives import recording
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation import fit_cautions
 from lip_id_ros.identification import fit

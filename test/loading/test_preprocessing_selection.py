@@ -6,11 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from loading.simulated import N_JOINTS, simulated, SimulatedRecording
 import numpy as np
 from preprocessing.motions import recording, uniform
 import pytest
 
-from benchmarks._simulated_recordings import N_JOINTS, simulated, SimulatedRecording
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.evaluation import data_remarks
 from lip_id_ros.loading import load_dataset, with_selected
