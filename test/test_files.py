@@ -10,7 +10,6 @@ import json
 import os
 from pathlib import Path
 import stat
-import sys
 from typing import Any, BinaryIO
 import zipfile
 
@@ -20,16 +19,17 @@ import numpy as np
 import pytest
 
 from lip_id_ros import files
-from lip_id_ros.errors import SourceError
+from lip_id_ros.errors import ConfigError, SourceError
 from lip_id_ros.files import (
     HEADER,
     read_header,
     read_npz,
     require_regular_file,
+    require_suffix,
+    require_writable,
     scratch_folder,
     write_atomically,
     write_npz,
-    write_or_rescue,
     write_whole,
 )
 
@@ -172,18 +172,6 @@ def test_a_pipe_is_written_to(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ['pipe']
 
 
-def test_standard_output_that_is_a_file_goes_on(capfd: pytest.CaptureFixture[str]) -> None:
-    sys.stdout.write('before\n')
-    write_atomically('/dev/stdout', write_new)
-    assert capfd.readouterr().out == 'before\nnew'
-
-
-def test_an_npz_file_goes_through_a_pipe(capfdbinary: pytest.CaptureFixture[bytes]) -> None:
-    write_npz('/dev/stdout', ARRAYS, {'version': 1})
-    with np.load(io.BytesIO(capfdbinary.readouterr().out)) as found:
-        np.testing.assert_array_equal(found['q'], ARRAYS['q'])
-
-
 def test_temporary_files_of_killed_writes_are_swept(tmp_path: Path) -> None:
     name = f'.file.{"0123456789abcdef" * 2}'
     left, in_use, young, foreign, other = (
@@ -202,22 +190,31 @@ def test_temporary_files_of_killed_writes_are_swept(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-def test_a_result_is_rescued(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr('tempfile.tempdir', str(tmp_path))
+def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    require_writable(tmp_path / 'file')
+    assert list(tmp_path.iterdir()) == []
+    for path, reason in ((tmp_path, 'Is a directory'), (tmp_path / 'no' / 'file', 'No such file')):
+        with pytest.raises(
+            ConfigError, match=rf'^{path} cannot be written \({reason}.*; name ano'
+        ):
+            require_writable(path)
 
-    def write(path: str | os.PathLike[str]) -> None:
-        if Path(path).parent == tmp_path:
-            raise OSError(28, 'No space left on device')
-        Path(path).write_bytes(b'model')
 
-    sentence = write_or_rescue(tmp_path / 'model.npz', write)
-    (kept,) = tmp_path.glob('*/model.npz')
-    assert sentence == (
-        f'{tmp_path}/model.npz cannot be written (No space left on device); the result is kept '
-        f'in {kept}.'
-    )
-    assert kept.read_bytes() == b'model'
-    assert write_or_rescue(kept, write) is None
+def test_a_failed_write_names_its_file(tmp_path: Path) -> None:
+    def fail(file: BinaryIO) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(OSError, match='No space') as failed:
+        write_atomically(tmp_path / 'file', fail)
+    assert failed.value.filename == str(tmp_path / 'file')
+
+
+def test_a_suffix_is_that_of_the_format() -> None:
+    require_suffix('b/a.npz', '.npz', 'the data set')
+    for path in ('a', 'a.csv', 'npz'):
+        sentence = rf'^{path} must end in .npz, the format of the data set; rename it\.$'
+        with pytest.raises(ConfigError, match=sentence):
+            require_suffix(path, '.npz', 'the data set')
 
 
 def test_what_an_archive_claims_is_not_believed(tmp_path: Path) -> None:
