@@ -89,7 +89,7 @@ def tracking(folder: Path) -> Path:
 
 @pytest.mark.parametrize(
     ('write', 'count'),
-    [(evaluation, 6), (recording, 2), (tracking, 8), (motion, 3)],
+    [(evaluation, 6), (recording, 2), (tracking, 8), (motion, 1)],
 )
 def test_every_figure_is_shown_without_a_network(
     tmp_path: Path, write: Callable[[Path], Path], count: int
@@ -182,7 +182,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ('index', 'lip_id_ros', 0),
         ('tutorials/first-model', 'A first model in five minutes', 1),
         ('how-to/read-a-report', 'Read a report', 1),
-        ('explanation/how-it-works', 'How it works', 1),
         ('reference/api', 'Python API', 0),
     ],
 )

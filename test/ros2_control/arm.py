@@ -110,6 +110,13 @@ class Control:
             starting = [] if states.get(name) == 'active' else [name]
             assert self.switch(starting, active), self.process.log
 
+    def use_anew(self, name: str) -> None:
+        """Have one trajectory controller active that knows nothing of tests before."""
+        self.use(name)
+        assert self.switch(deactivate=[name])
+        assert self.unload(name)
+        self.use(name)
+
 
 @contextmanager
 def controlled(folder: Path, parameters: Path, joints: Sequence[str]) -> Iterator[Control]:

@@ -27,7 +27,7 @@ import psutil
 from rclpy.action import ActionClient, ActionServer, CancelResponse
 from rclpy.serialization import serialize_message
 from ros2_control.arm import commanded, Control, hear_until_now, plan, served, times
-from ros2_control.test_plans import filled_by_serve
+from ros2_control.test_plans import filled_by_serve, states_of, wait_for
 from waiting import suspend
 
 from benchmarks._mock_controller import GAINS
@@ -138,6 +138,31 @@ def test_at_its_end_the_controller_holds_the_last_point(control: Control, sender
     # the effort of the last point is held too, and carries the arm
     gravity = toy.WEIGHT * np.sin([0.4, 0.2])
     np.testing.assert_allclose(commanded(states[-1]), gravity, atol=0.1)
+
+
+def test_each_later_hold_adds_the_efforts_of_the_last_goal_that_succeeded(
+    control: Control, sender: Sender
+) -> None:
+    """The controller's set_hold_position sets positions alone: docs/explanation/safety.md."""
+    control.use_anew('arm')
+    states = states_of(control, 'arm')
+    assert sender.run(goal((0.4, 0.2)))[0] == 'succeeded'
+    gravity = toy.WEIGHT * np.sin([0.4, 0.2])
+
+    def assert_held() -> None:
+        hear_until_now(control, states)
+        held = states[-1]
+        assert list(held.reference.positions) == [0.0, 0.0]  # mock hardware stands still
+        np.testing.assert_allclose(commanded(held), gravity, atol=0.1)
+
+    handle = sender.send(goal((1.0, 1.0), seconds=60.0))
+    wait_for(control, states, lambda state: state.reference.velocities[0] > 0.0)
+    assert len(sender.cancel(handle).goals_canceling) == 1
+    assert sender.result(handle)[0] == 'canceled'
+    assert_held()
+    assert control.switch(deactivate=['arm'])
+    assert control.switch(['arm'])
+    assert_held()
 
 
 def test_the_last_goal_preempts_the_one_before(control: Control, sender: Sender) -> None:

@@ -239,7 +239,8 @@ def test_the_controller_checks_neither_number_nor_values_of_efforts(
 
 
 def test_a_deactivated_controller_commands_nothing_and_resumes_nothing(control: Control) -> None:
-    control.use('arm')
+    """Before a first goal has succeeded: later it holds with the efforts of that goal's end."""
+    control.use_anew('arm')
     states = states_of(control, 'arm')
     filled_by_serve(control, plan((1.0, 1.0), seconds=60.0))
     wait_for(control, states, lambda state: state.reference.velocities[0] > 0.0)
@@ -263,10 +264,7 @@ def test_a_deactivated_controller_commands_nothing_and_resumes_nothing(control: 
 
 
 def test_a_controller_that_was_restarted_takes_the_next_plan(control: Control) -> None:
-    control.use('arm')
-    assert control.switch(deactivate=['arm'])
-    assert control.unload('arm')
-    control.use('arm')
+    control.use_anew('arm')
     states = states_of(control, 'arm')
     control.client.status('serve', lambda status: status['state'] == 'active')
     filled = filled_by_serve(control, plan((0.1, -0.1)))

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from benchmarks._changed_arms import with_wrong_masses
-from benchmarks._closed_loop import NominalFeedforward
 from lip_id_ros.arrays import Array
 from lip_id_ros.simulation import Drives, JointFriction, panda, SimulatedArm, TorqueControlledArm
 
@@ -32,19 +31,6 @@ def at_rest(arm: SimulatedArm, drives: Drives, seed: int = 0) -> TorqueControlle
 def energy(simulated: TorqueControlledArm) -> float:
     q, dq = simulated.q[None], simulated.dq[None]
     return float((simulated.bodies.kinetic(q, dq) + simulated.bodies.potential(q))[0])
-
-
-def test_free_fall_keeps_its_energy(arm: SimulatedArm) -> None:
-    simulated = at_rest(arm, Drives(np.zeros(7), FREE))
-    before = energy(simulated)
-
-    for _ in range(2000):
-        simulated.step(np.zeros(7))
-
-    fastest = np.abs(simulated.dq).max()
-    assert fastest > 2.0
-    assert energy(simulated) == pytest.approx(before, abs=1e-4)
-    assert simulated.t == pytest.approx(2.0)
 
 
 def test_energy_changes_by_the_work_of_torques_contact_and_friction(arm: SimulatedArm) -> None:
@@ -77,18 +63,6 @@ def test_forward_dynamics_invert_the_inverse_with_rotors(arm: SimulatedArm) -> N
     np.testing.assert_allclose(
         turning.inertia_matrix(q) - arm.inertia_matrix(q), [np.diag(ROTORS)], atol=1e-12
     )
-
-
-def test_the_right_torque_holds_the_arm_still(arm: SimulatedArm) -> None:
-    simulated = at_rest(arm, Drives(ROTORS, FREE, delay=3))
-    still = np.zeros(7)
-    gravity = NominalFeedforward(arm).torque(POSTURE, still, still)
-    simulated.hold(gravity)
-
-    for _ in range(200):
-        simulated.step(gravity)
-
-    np.testing.assert_allclose(simulated.q, POSTURE, atol=1e-9)
 
 
 def test_commands_act_after_the_delay(arm: SimulatedArm) -> None:
@@ -127,16 +101,6 @@ def test_sensors_are_as_noisy_as_they_are_said_to_be(arm: SimulatedArm) -> None:
         simulated.step(np.zeros(7))
         ripples.append(simulated.measure().tau)
     assert np.std(ripples) == pytest.approx(0.5, rel=0.1)  # both noises together
-
-
-def test_same_seed_same_motion(arm: SimulatedArm) -> None:
-    drives = Drives(ROTORS, STICKY, ripple=0.1, velocity_noise=1e-3)
-    runs = [at_rest(arm, drives, seed) for seed in (1, 1, 2)]
-    for simulated in runs:
-        for _ in range(20):
-            simulated.step(-simulated.measure().dq)
-    np.testing.assert_array_equal(runs[0].q, runs[1].q)
-    assert not np.array_equal(runs[0].q, runs[2].q)
 
 
 class Bodies(NamedTuple):

@@ -57,19 +57,6 @@ def test_limits_are_kept_and_one_of_each_joint_is_reached(seed: int) -> None:
     assert np.all(reach.max(axis=0) > 0.99)
 
 
-def test_same_seed_same_motion() -> None:
-    t = np.array([1.0, 2.0])
-    np.testing.assert_array_equal(random(3).sample(t), random(3).sample(t))
-    assert not np.allclose(random(3).sample(t), random(4).sample(t))
-
-
-def test_repeats_after_its_period_and_not_before() -> None:
-    first = random(2).sample(np.array([1.0]))
-    np.testing.assert_allclose(first, random(2).sample(np.array([51.0])), atol=1e-9)
-    for fraction in (2, 3, 5):
-        assert not np.allclose(first, random(2).sample(np.array([1.0 + 50.0 / fraction])))
-
-
 def test_limits_of_the_first_joints() -> None:
     first = MOTION.first(3)
     for name in ('q_min', 'q_max', 'dq_max', 'ddq_max'):
@@ -122,17 +109,3 @@ def test_the_growing_cosine_has_its_derivatives() -> None:
     before, at, after = (reference.sample(t + shift) for shift in (-step, 0.0, step))
     np.testing.assert_allclose((after[0] - before[0]) / (2 * step), at[1], atol=1e-8)
     np.testing.assert_allclose((after[1] - before[1]) / (2 * step), at[2], atol=1e-8)
-
-
-def test_one_time_and_many_agree() -> None:
-    reference = GrowingCosine(CENTRE, 0.5, 10.0)
-    many = reference.sample(np.array([1.0, 2.5]))
-    for one, rows in zip(reference.sample(2.5), many, strict=True):
-        assert one.shape == (2,)
-        np.testing.assert_array_equal(one, rows[1])
-
-
-@pytest.mark.parametrize('amplitude', [0.5, 0.6])
-def test_amplitude_is_reached_at_the_horizon(amplitude: float) -> None:
-    q, _, _ = GrowingCosine(CENTRE, amplitude, 10.0).sample(10.0)
-    np.testing.assert_allclose(q - CENTRE, amplitude)
