@@ -74,15 +74,15 @@ class Arm:
     def record(self, motion: FourierMotion, rng: np.random.Generator) -> Dataset:
         """Return what is measured along a motion, with the torques without noise."""
         t = np.arange(round(motion.duration * RATE_HZ)) / RATE_HZ
-        run = driven(self.dynamics, self.drives, motion.sample(t), 1.0 / RATE_HZ)
-        q, dq, ddq = run.motor
+        motor, tau = driven(self.dynamics, self.drives, motion.sample(t), 1.0 / RATE_HZ)
+        q, dq, ddq = motor
         return Dataset(
             t=t, q=q, dq=dq, ddq=ddq,
-            tau=run.tau + self.noise * rng.standard_normal(run.tau.shape),
+            tau=tau + self.noise * rng.standard_normal(tau.shape),
             joint_names=self.dynamics.joint_names,
             joint_types=self.dynamics.joint_types,
             segment=np.zeros(len(t), dtype=np.int64),
-            tau_noiseless=run.tau,
+            tau_noiseless=tau,
         )  # fmt: skip
 
 
