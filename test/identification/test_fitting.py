@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from identification.drives import recording
 import numpy as np
 import pytest
 
-from benchmarks._drives import recording
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import fit_cautions

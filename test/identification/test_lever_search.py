@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from identification import springs
 import numpy as np
 import pytest
 
-from benchmarks import springs
-from benchmarks._drives import random_arm
+from benchmarks._arms import random_arm
 from lip_id_ros.arrays import Array
 from lip_id_ros.friction.conservative_terms import lever_features, LeverSpring
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, ROUND
@@ -69,8 +69,7 @@ def test_the_gain_is_that_of_a_plain_fit() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize('kind', springs.KINDS)
 def test_selected_where_it_is(kind: str) -> None:
-    """`python -m benchmarks springs` counts whole fits."""
-    data = remembering(springs.simulated(kind, 0, 0))
+    data = remembering(springs.simulated(kind))
     found = select_friction(data, random_arm(springs.N_JOINTS, 0).chain, LINK_STD)
     names = [[name for name in own if name == 'lever spring'] for own in found.friction.names()]
     expected = kind != 'none'
@@ -82,7 +81,7 @@ SAMPLES = 400
 
 def fitted() -> tuple[ArmFitter, ArmFit]:
     """Return a fit to a simulated arm with two gas springs, from where its joints are."""
-    data = springs.simulated('gas', 0, 0)
+    data = springs.simulated('gas')
     tau = data.tau.copy()
     tau[:, 2] += data.tau[:, 2].std() * springs.spring('gas', 1, data.q[:, 2])
     fitter = ArmFitter(remembering(replace(data, tau=tau)))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from fleet.fleets import arm_of, friction_of, linearisation_of, recording, WIDTH
+from identification.drives import N_JOINTS
+from identification.drives import recording as driven
 import numpy as np
 import pytest
 
-from benchmarks._drives import N_JOINTS
-from benchmarks._drives import recording as driven
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.friction_deviations import NestedEffects
@@ -129,7 +129,7 @@ def test_offsets_that_drift_widen_the_prediction() -> None:
     drift = 0.15 * size * np.random.default_rng(3).standard_normal((PARTS, N_JOINTS))
     drift[:, 1:] = 0.0
     drift[:, 0] -= drift[:, 0].mean()
-    same = [replace(dataset.select(rows), driven=np.zeros(0, np.int64)) for rows in parts]
+    same = [replace(dataset.select(rows), recording=np.zeros(0, np.int64)) for rows in parts]
     apart = [replace(part, tau=part.tau + by) for part, by in zip(same, drift, strict=True)]
     found, still = identify(concatenate(apart)), identify(concatenate(same))
     terms = found.arm.friction.names()[0]
