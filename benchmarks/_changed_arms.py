@@ -2,12 +2,55 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.simulation import SimulatedArm
+from lip_id_ros.simulation.arm import Dynamics
+
+
+@dataclass(frozen=True)
+class JointFriction:
+    """
+    Viscous [N m s/rad or N s/m] and Coulomb friction [N m or N], none at rest; shapes (n,).
+
+    Over velocities of `sign_width` [rad/s or m/s] the sign changes, as equations of motion need
+    it; 0 for a jump.
+    """
+
+    viscous: Array
+    coulomb: Array
+    sign_width: float = 0.0
+
+    def torque(self, dq: Array) -> Array:
+        """Torque [N m or N], shape (N, n) or (n,), that a motion of velocity `dq` needs."""
+        sign = np.tanh(dq / self.sign_width) if self.sign_width > 0.0 else np.sign(dq)
+        return np.asarray(self.viscous * dq + self.coulomb * sign)
+
+
+class FrictionalArm:
+    """An arm and the friction in its joints; its energies stay what they are."""
+
+    def __init__(self, arm: Dynamics, friction: JointFriction) -> None:
+        self.joint_names, self.joint_types = arm.joint_names, arm.joint_types
+        self.kinetic, self.potential = arm.kinetic, arm.potential
+        self._arm, self._friction = arm, friction
+
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Torques [N m or N], shape (N, n), with friction."""
+        return self._arm.inverse_dynamics(q, dq, ddq) + self._friction.torque(dq)
+
+
+def with_rotors(arm: SimulatedArm, inertia: Array) -> SimulatedArm:
+    """Copy an arm with rotors: inertias (n,) times gear ratios squared [kg m^2 or kg]."""
+
+    def add(model: Any) -> None:
+        model.armature = np.array(inertia, dtype=np.float64)
+
+    return arm.changed(add)
 
 
 def with_wrong_masses(

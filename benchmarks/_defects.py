@@ -8,12 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import butter, lfilter
 
-from benchmarks._changed_arms import with_gravity, with_payload, with_wrong_masses
-from benchmarks._closed_loop import FrictionalArm
+from benchmarks._changed_arms import (
+    FrictionalArm,
+    JointFriction,
+    with_gravity,
+    with_payload,
+    with_wrong_masses,
+)
 from lip_id_ros.arrays import Array
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.simulation.arm import MOTION, panda, SimulatedArm
-from lip_id_ros.simulation.torque_controlled import JointFriction
 from lip_id_ros.simulation.trajectories import MotionLimits, SinusoidTrajectory
 
 RATE_HZ, SECONDS = 100.0, 60.0

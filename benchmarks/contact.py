@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 import json
 from pathlib import Path
@@ -14,15 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks._changed_arms import with_wrong_masses
-from benchmarks._closed_loop import (
-    ComputedTorque,
-    Feedforward,
-    no_contact,
-    NominalFeedforward,
-    placed,
-    track,
-    Tracking,
-)
+from benchmarks._driven_panda import move
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.monitoring import ContactDetector, external_torques, ExternalTorque
@@ -30,9 +22,7 @@ from lip_id_ros.monitoring.detection import DEVIATIONS, LEAST_SHOWN
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
-from lip_id_ros.simulation import SinusoidTrajectory
-from lip_id_ros.simulation.arm import MOTION
-from lip_id_ros.simulation.torque_controlled import panda_setup, Setup
+from lip_id_ros.simulation import panda
 from lip_id_ros.workflow.fit import fit
 
 EVERY = 10  # the observer runs at 100 Hz
@@ -95,15 +85,14 @@ def measure(
     fourth is pushed.
 
     """
-    setup, rng = panda_setup(n_joints), np.random.default_rng(seed)
-    nominal = NominalFeedforward(with_wrong_masses(setup.arm, 0.2, 0.02, rng))
-    runs = [move(setup, nominal, rng, seconds) for _ in range(MOTIONS)]
-    model = learned(setup, runs, settings)
-    _, normal = watch(model, move(setup, nominal, rng, seconds))
+    rng = np.random.default_rng(seed)
+    nominal = with_wrong_masses(panda(n_joints), 0.2, 0.02, rng)
+    model = learned([move(nominal, rng, seconds) for _ in range(MOTIONS)], settings)
+    _, normal = watch(model, move(nominal, rng, seconds))
     detector = ContactDetector.calibrated(model.joint_names, normal, torque, NO_ERROR)
-    _, free = watch(model, move(setup, nominal, rng, seconds))
+    _, free = watch(model, move(nominal, rng, seconds))
     contacts = Contacts(n_joints, torque)
-    t, pushed = watch(model, move(setup, nominal, rng, contacts.duration, contacts))
+    t, pushed = watch(model, move(nominal, rng, contacts.duration, contacts))
     std, large, false, blind = judged(detector, free)
     flags = judged(detector, pushed)[2]
     return {
@@ -120,32 +109,17 @@ def measure(
     }
 
 
-def learned(setup: Setup, runs: Sequence[Tracking], settings: FitSettings) -> InverseDynamicsModel:
+def learned(runs: Sequence[JointSamples], settings: FitSettings) -> InverseDynamicsModel:
     """Fit the arm to measured motions."""
-    samples = [JointSamples(run.t, run.q, run.dq, run.tau, setup.arm.joint_names) for run in runs]
-    return fit(preprocess(samples, PREPROCESSING), settings)
+    return fit(preprocess(runs, PREPROCESSING), settings)
 
 
-def move(
-    setup: Setup,
-    feedforward: Feedforward,
-    rng: np.random.Generator,
-    seconds: float,
-    contact: Callable[[float], Array | float] = no_contact,
-) -> Tracking:
-    """Move on random sums of sinusoids."""
-    trajectory = SinusoidTrajectory.random(MOTION.first(len(setup.posture)), rng)
-    simulated = placed(setup.arm, setup.drives, trajectory, rng)
-    controller = ComputedTorque(feedforward, setup.gains)
-    return track(simulated, controller, trajectory, seconds, contact)
-
-
-def watch(model: InverseDynamicsModel, run: Tracking) -> tuple[Array, list[ExternalTorque]]:
+def watch(model: InverseDynamicsModel, run: JointSamples) -> tuple[Array, list[ExternalTorque]]:
     """Return times and the estimated external torques."""
     rows = slice(None, None, EVERY)
     t = run.t[rows]
     return t, external_torques(
-        model.with_rise_time(0.0), t, run.q[rows], run.dq[rows], run.tau[rows]
+        model.with_rise_time(0.0), t, run.position[rows], run.velocity[rows], run.effort[rows]
     )
 
 

@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 import psutil
 
-from benchmarks._changed_arms import with_wrong_masses
-from benchmarks._closed_loop import FrictionalArm
+from benchmarks._changed_arms import FrictionalArm, JointFriction, with_wrong_masses
 from benchmarks._panda import half_ranges
 from lip_id_ros.arrays import Array
 from lip_id_ros.fleet.cache import FolderCache
@@ -37,7 +36,6 @@ from lip_id_ros.fleet.sources import find, StoredRecording
 from lip_id_ros.progress import Progress
 from lip_id_ros.settings import Config
 from lip_id_ros.simulation import make_dataset, panda, SinusoidTrajectory, write_bag
-from lip_id_ros.simulation.torque_controlled import JointFriction
 
 ROBOTS = 20
 RATE_HZ, SECONDS = 100.0, 15.0

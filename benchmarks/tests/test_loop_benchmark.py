@@ -1,20 +1,17 @@
-"""The 1 kHz loop of the benchmarks, and the soak of serve: what is counted, that torques come."""
+"""The 1 kHz loop of the benchmarks: what is counted, that torques come."""
 
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
-import subprocess
-import sys
 import time
 
 import numpy as np
 import pytest
 from ros_domain import free_domain
 
-from benchmarks._loop_figures import Timeline
 from benchmarks._panda import run_pair
+from benchmarks.loop_rate import Timeline
 from lip_id_ros.identification import fit
 from lip_id_ros.settings import FitSettings
 
@@ -90,7 +87,7 @@ def test_torques_come_through_the_middleware(
     from benchmarks.__main__ import main
 
     model, figures = small_model(tmp_path), tmp_path / 'figures.json'
-    routes = ['stream', 'plan, node']
+    routes = ['stream', 'plan']
     arguments = [
         '--routes',
         *routes,
@@ -112,33 +109,3 @@ def test_torques_come_through_the_middleware(
         assert row['rms_error_mrad'] < 100.0 or row['missed_percent_5'] > 10.0
         # references may be overtaken where the machine is loaded, joint states lost, but not all
         assert row['lost'] < row['ticks']
-
-
-@pytest.mark.ros
-@pytest.mark.slow
-def test_every_reference_of_a_soak_is_accounted_for(tmp_path: Path) -> None:
-    pytest.importorskip('rclpy', reason='needs ROS 2')
-    model = str(small_model(tmp_path))
-    with free_domain() as domain:
-        ran = subprocess.run(  # the executor of events needs the streams of a process
-            [sys.executable, '-m', 'benchmarks', 'soak_serve', '--seconds', '1', '--model', model],
-            env={**os.environ, 'ROS_DOMAIN_ID': str(domain)},
-            capture_output=True,
-            text=True,
-        )
-    assert ran.returncode == 0, ran.stdout + ran.stderr
-    assert 'of references at 300 Hz' in ran.stdout
-
-
-@pytest.mark.ros
-def test_a_soak_counts_what_came_since_its_begin() -> None:
-    pytest.importorskip('rclpy', reason='needs ROS 2')
-    from benchmarks.soak_serve import accounted
-
-    before = {'answered': {'samples': 3}, 'refused': {'old': 1}, 'lost': {}}
-    after = {
-        'answered': {'samples': 10},
-        'refused': {'old': 2, 'busy': 4},
-        'lost': {'desired_trajectory': 5, 'joint_states': 1},
-    }
-    assert accounted(before, after) == {'answered': 7, 'refused': 5, 'lost': 5}

@@ -96,6 +96,7 @@ def tracking(folder: Path) -> Path:
     pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
     from benchmarks.tracking import Experiment, figures, run_experiment
     from benchmarks.tracking.report import write_report
+
     from lip_id_ros.simulation.torque_controlled import panda_setup
 
     experiment = Experiment(horizon=2.0, fit=FitSettings(subset=20, iterations=3))

@@ -9,11 +9,16 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks._changed_arms import with_gravity
-from benchmarks._closed_loop import FrictionalArm
+from benchmarks._changed_arms import (
+    FrictionalArm,
+    JointFriction,
+    with_gravity,
+    with_rotors,
+    with_wrong_masses,
+)
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError, LipIdError
-from lip_id_ros.simulation import JointFriction, panda, SimulatedArm, SinusoidTrajectory
+from lip_id_ros.simulation import panda, SimulatedArm, SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION
 
 needs_pinocchio = pytest.mark.skipif(
@@ -113,18 +118,17 @@ def test_power_of_the_torques_is_the_change_of_energy(n_joints: int) -> None:
 
 
 @needs_pinocchio
-def test_inertia_matrix_gives_kinetic_energy_and_inertial_torque() -> None:
-    arm = panda(7)
-    q, dq, ddq = motions(7)
-    M = arm.inertia_matrix(q)
-    rest = np.zeros_like(q)
+def test_forward_dynamics_invert_the_inverse_with_rotors() -> None:
+    arm, rotors = panda(7), np.linspace(0.05, 0.2, 7)
+    q, dq, ddq = motions(7, 1)
+    turning = with_rotors(arm, rotors)
 
-    inertial = arm.inverse_dynamics(q, rest, ddq) - arm.inverse_dynamics(q, rest, rest)
+    tau = turning.inverse_dynamics(q, dq, ddq)
 
-    np.testing.assert_allclose(M, M.transpose(0, 2, 1))
-    np.testing.assert_allclose(np.einsum('ti,tij,tj->t', dq, M, dq) / 2, arm.kinetic(q, dq))
-    np.testing.assert_allclose(np.einsum('tij,tj->ti', M, ddq), inertial, atol=1e-12)
-    assert np.linalg.eigvalsh(M).min() > 0
+    np.testing.assert_allclose(turning.forward_dynamics(q[0], dq[0], tau[0]), ddq[0])
+    np.testing.assert_allclose(tau - arm.inverse_dynamics(q, dq, ddq), rotors * ddq, atol=1e-12)
+    added = turning.kinetic(q, dq) - arm.kinetic(q, dq)
+    np.testing.assert_allclose(added, 0.5 * np.square(dq) @ rotors)
 
 
 @needs_pinocchio
@@ -154,6 +158,31 @@ def test_friction_acts_against_the_motion_and_leaves_the_energies(pendulum: Simu
     np.testing.assert_array_equal(arm.kinetic(q, dq), pendulum.kinetic(q, dq))
     np.testing.assert_array_equal(arm.potential(q), pendulum.potential(q))
     assert arm.joint_names == pendulum.joint_names
+
+
+def bodies(arm: SimulatedArm) -> tuple[Array, Array, Array]:
+    """Masses (n,), centres of mass (n, 3) and inertias (n, 3, 3) of the moving bodies."""
+    each = list(arm._model.inertias)[1:]
+    mass, lever, inertia = (
+        np.array([getattr(body, name) for body in each]) for name in ('mass', 'lever', 'inertia')
+    )
+    return mass, lever, inertia
+
+
+@needs_pinocchio
+def test_wrong_masses_are_wrong_within_bounds() -> None:
+    arm = panda(7)
+    mass, centre, inertia = bodies(arm)
+    heavy, same, spread = bodies(with_wrong_masses(arm, 0.2, 0.0, np.random.default_rng(3)))
+    kept, shifted, unturned = bodies(with_wrong_masses(arm, 0.0, 0.02, np.random.default_rng(3)))
+    share = heavy / mass - 1.0
+    assert 0.1 < np.abs(share).max() <= 0.2
+    np.testing.assert_allclose(spread, (1.0 + share)[:, None, None] * inertia)
+    np.testing.assert_array_equal(same, centre)
+    assert 0.015 < np.abs(shifted - centre).max() <= 0.02
+    np.testing.assert_array_equal(kept, mass)
+    np.testing.assert_array_equal(unturned, inertia)
+    np.testing.assert_array_equal(bodies(arm)[0], mass)  # that of the right one stays
 
 
 @needs_pinocchio
