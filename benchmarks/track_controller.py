@@ -181,7 +181,7 @@ def growing_cosine(t: Array, amplitude: float, horizon: float) -> States:
 
 
 def reference(amplitude: float, horizon: float) -> tuple[Array, States]:
-    """Return the times of a plan and its states; the arm comes from rest before, and ends at it."""
+    """Return the times of a plan and its states: from rest into the motion, and to rest again."""
     t = np.arange(1, round(PLAN_HZ * (horizon + 2.0 * EASE_S)) + 1) / PLAN_HZ
     since, still = t - EASE_S, np.zeros(N)
     ends = np.stack(growing_cosine(np.array([0.0, horizon]), amplitude, horizon), axis=1)
