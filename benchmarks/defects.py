@@ -2,7 +2,6 @@
 How often `lip_id inspect` and `lip_id fit` find defects of three sizes in simulated recordings.
 
 And what they find in sound ones, which have other rates, lengths and noise, and in real ones.
-The notebook has the counts.
 
 """
 

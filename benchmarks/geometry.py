@@ -1,7 +1,7 @@
 """
 Which twists and lengths fits take for simple geometry, where half of the axes have none.
 
-Simulated Pandas; fits start at their true placements. The notebook has the counts.
+Simulated Pandas; fits start at their true placements.
 
 """
 

@@ -3,7 +3,7 @@ Smoothers of quantised positions: quintic splines, and a Kalman filter with its 
 
 Velocities are hidden. Smoothed positions, velocities and accelerations go through the low-pass of
 the torques; rigid links with true kinematics and selected friction are fitted to them and predict
-the unseen torques. recordings.md has the errors, in those of the usual low-pass.
+the unseen torques. Errors are in those of the usual low-pass.
 
 """
 

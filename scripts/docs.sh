@@ -9,5 +9,5 @@ scripts/docs_env.sh >.deps/docs.log 2>&1 || {
   echo 'docs: installing requirements-docs.txt needs Python 3.12 and a network (.deps/docs.log)' >&2
   exit 1
 }
-export MPLBACKEND=agg  # the one of a notebook is not installed beside lip_id
+export MPLBACKEND=agg  # Jupyter's own is not installed beside lip_id
 exec .deps/docs/bin/python -m sphinx --fail-on-warning --keep-going --quiet docs "${1:-docs/_build/html}"

@@ -8,7 +8,7 @@
 #   LIP_ID_ROS_JAZZY     folder of an installed ROS 2 Jazzy (else /opt/ros/jazzy, else the wheel)
 #   LIP_ID_ROS_OFFLINE   set to anything: do without ROS
 #
-# Why it is done this way: docs/explanation/adr/0001-where-ros-comes-from.md
+# Why it is done this way: docs/explanation/decisions.md
 set -euo pipefail
 
 case ${1:-all} in

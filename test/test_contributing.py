@@ -41,8 +41,7 @@ def test_the_table_of_rooms_has_them_all() -> None:
 
 def quoted_names() -> Iterator[tuple[str, list[str]]]:
     """Yield pages, and dotted names on them that begin with the package."""
-    pages = [page for page in ROOT.glob('docs/**/*.md') if page.parent.name != 'adr']  # of then
-    for page in [*ROOT.glob('*.md'), *pages, *PACKAGE.rglob('*.py')]:
+    for page in [*ROOT.glob('*.md'), *ROOT.glob('docs/**/*.md'), *PACKAGE.rglob('*.py')]:
         found = re.findall(r'`lip_id_ros((?:\.\w+)+)`', page.read_text(encoding='utf-8'))
         yield from ((page.name, name.split('.')[1:]) for name in found)
 

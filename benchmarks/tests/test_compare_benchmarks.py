@@ -96,7 +96,7 @@ def test_a_real_arm_knows_no_true_torques() -> None:
 
 
 def test_the_page_names_every_experiment() -> None:
-    page = (Path(__file__).parents[2] / 'docs' / 'notebook' / 'paper-experiments.md').read_text()
+    page = (Path(__file__).parents[2] / 'docs' / 'explanation' / 'comparison.md').read_text()
     assert set(re.findall(r'benchmarks compare (\w+)', page)) == set(EXPERIMENTS)
 
 

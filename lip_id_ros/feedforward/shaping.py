@@ -1,4 +1,4 @@
-"""Shaping of the torques that `serve` outputs: doubts, scale, limits, ramp, rate (ADR 8)."""
+"""Shaping of the torques that `serve` outputs: doubts, scale, limits, ramp, rate."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ TWIST_DEVIATIONS, LENGTH_DEVIATIONS = 3.0, 2.5
 """
 Standard deviations from simple geometry beyond which the likelihood speaks against a twist and
 against a length: few arms have axes that are askew, and many have axes that do not meet. Their
-root mean squares where axes are at right angles, or meet, are 1.0 and 1.2 (see the notebook).
+root mean squares where axes are at right angles, or meet, are 1.0 and 1.2.
 """
 
 LEAST_ERRORS = 2.0

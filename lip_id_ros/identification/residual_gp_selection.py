@@ -42,7 +42,8 @@ BLOCKS, LEAST_FOLDS = 6, 4
 LEAST_NEW_S = 12.0
 """
 Motion without repetitions that a process is selected on [s]. A block that is left out of less lies
-between states of the rest, as no other motion does (docs/notebook/fits.md).
+between states of the rest, as no other motion does: on shorter motions, processes that predict
+left-out blocks better predict new motion worse.
 """
 
 EXTREME = 1.0 / 6.0

@@ -145,7 +145,7 @@ def test_flanges_of_the_documentation(
     loaded = LoadedArm(arm, moved(own, tool.placement), np.zeros((10, 1)))
     found = payload_in_flange(loaded, *(float(x) for x in flange.split(',')))
     np.testing.assert_allclose(found.centre, centre, atol=1e-6)
-    assert f'`{flange}`' in (DOCS / 'reference' / 'export.md').read_text()
+    assert f'`{flange}`' in (DOCS / 'how-to' / 'payloads.md').read_text()
 
 
 def test_where_the_last_frame_is_counts_in_the_deviations() -> None:
