@@ -110,4 +110,5 @@ def move(
         measured[k] = driven.measure()
         feedforward = nominal.inverse_dynamics(*states[:, np.newaxis])[0]
         driven.step(feedforward + feedback(states, measured[k]), contact(at))
-    return JointSamples(t, *measured.swapaxes(0, 1), nominal.joint_names, source='simulation')
+    q, dq, tau = measured.swapaxes(0, 1)
+    return JointSamples(t, q, dq, tau, nominal.joint_names, source='simulation')

@@ -116,6 +116,7 @@ def true_arm() -> ArmDescription:
     """Return the Panda of example-robot-data with rotors and friction."""
     described, ones = load_description(panda_urdf(), JOINTS, ('revolute',) * N), np.ones(N)
     basis = plain_friction(N, (SIGN_WIDTH * ones).tolist())
+    viscous_coulomb_offset = np.tile([FRICTION, FRICTION, 0.0], N)
     links = described.links.copy()
     links[:, ROTOR] = ROTORS
     return ArmDescription(
@@ -123,7 +124,7 @@ def true_arm() -> ArmDescription:
         joint_names=JOINTS,
         chain=described.chain,
         links=links,
-        friction=FrictionModel(basis, np.full(basis.size, FRICTION)),
+        friction=FrictionModel(basis, viscous_coulomb_offset),
         ranges=JointRanges(-ones, ones, ones, ones, ones),
         potential_reference=0.0 * ones,
     ).in_standard_frames()

@@ -92,21 +92,9 @@ def comparison(folder: Path) -> Path:
     return write_comparison(folder, 'Title', cases, results, store, LABELS.facts)
 
 
-def tracking(folder: Path) -> Path:
-    pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
-    from benchmarks.tracking import Experiment, figures, run_experiment
-    from benchmarks.tracking.report import write_report
-
-    from lip_id_ros.simulation.torque_controlled import panda_setup
-
-    experiment = Experiment(horizon=2.0, fit=FitSettings(subset=20, iterations=3))
-    trial = run_experiment(panda_setup(2), experiment, 1)
-    return write_report(folder, experiment, trial, figures([trial]))
-
-
 @pytest.mark.parametrize(
     ('write', 'count'),
-    [(evaluation, 6), (recording, 2), (comparison, 4), (tracking, 8), (motion, 3)],
+    [(evaluation, 6), (recording, 2), (comparison, 4), (motion, 3)],
 )
 def test_every_figure_is_shown_without_a_network(
     tmp_path: Path, write: Callable[[Path], Path], count: int
