@@ -25,9 +25,6 @@ SPLITS = ('last', 'first')
 PERTURBATION = 1e-10
 """Of torques, relative."""
 
-FIFTHS = tuple(f'fifth {k}' for k in range(1, 6))
-"""Which fifth is."""
-
 UR10_JOINTS = (
     *('shoulder_pan_joint', 'shoulder_lift_joint', 'elbow_joint'),
     *('wrist_1_joint', 'wrist_2_joint', 'wrist_3_joint'),
@@ -51,16 +48,9 @@ class RawRecordings:
 @dataclass(frozen=True)
 class RealArm:
     """
-    A recorded arm.
+    A recorded arm: what reads its recordings from the data folder, in the order of time.
 
-    Attributes
-    ----------
-    load : callable
-        Reads its recordings from the data folder, in the order of time.
-    urdf : str
-        Kinematics, in the data folder.
-    joints : tuple of str
-        What the URDF calls the joints.
+    `urdf` has its kinematics, in the data folder, with its names of the joints.
 
     """
 
@@ -73,68 +63,31 @@ class RealArm:
         return list(_datasets(self, folder))
 
     def split(
-        self,
-        folder: Path,
-        unseen: str,
-        kernel: str = ARTICULATED,
-        settings: PreprocessingSettings | None = None,
+        self, folder: Path, unseen: str, kernel: str = ARTICULATED
     ) -> tuple[Dataset, Dataset]:
         """
         Return samples for a fit and unseen ones, joints named as in the URDF.
 
-        By default kernels other than `articulated` learn from no samples near rest.
+        Kernels other than `articulated` learn from no samples near rest.
 
         """
         data = self.datasets(folder)
-        if unseen in FIFTHS:
-            first, last = _without(data, FIFTHS.index(unseen))
-        elif len(data) == 1:
+        if len(data) == 1:
             first, last = data[0].split(1.0 - UNSEEN if unseen == 'last' else UNSEEN)
         else:
-            cut = _recordings_cut(len(data), unseen)
+            rest = round(UNSEEN * len(data))
+            cut = len(data) - rest if unseen == 'last' else rest
             first, last = concatenate(data[:cut]), concatenate(data[cut:])
         train, test = (last, first) if unseen == 'first' else (first, last)
-        train = for_training(train, settings or PreprocessingSettings(), kernel)
-        return self._named(train), self._named(test)
-
-    def raw_split(self, folder: Path, unseen: str) -> tuple[RawRecordings, RawRecordings]:
-        """Return recordings to learn from and those unseen, before preprocessing."""
-        raw = self.load(folder)
-        samples = raw.samples
-        if len(samples) == 1:
-            cut = round(samples[0].n_samples * (1.0 - UNSEEN if unseen == 'last' else UNSEEN))
-            samples = [samples[0].rows(slice(0, cut)), samples[0].rows(slice(cut, None))]
-        cut = _recordings_cut(len(samples), unseen) if len(samples) > 2 else 1
-        parts = [RawRecordings(some, raw.recording) for some in (samples[:cut], samples[cut:])]
-        return (parts[0], parts[1]) if unseen == 'last' else (parts[1], parts[0])
-
-    def _named(self, dataset: Dataset) -> Dataset:
-        return replace(dataset, joint_names=self.joints)
+        train = for_training(train, PreprocessingSettings(), kernel)
+        train, test = (replace(each, joint_names=self.joints) for each in (train, test))
+        return train, test
 
 
 @cache
 def _datasets(arm: RealArm, folder: Path) -> tuple[Dataset, ...]:
     raw = arm.load(folder)
     return tuple(preprocess(each, recording=raw.recording) for each in raw.samples)
-
-
-def _without(data: list[Dataset], k: int) -> tuple[Dataset, Dataset]:
-    """Return all but a fifth of the time, or of the recordings, and that fifth."""
-    if len(data) == 1:
-        rest, data = data[0], []
-        for left in range(len(FIFTHS), 1, -1):
-            one, rest = rest.split(1.0 / left)
-            data.append(one)
-        data.append(rest)
-    parts = np.array_split(np.arange(len(data)), len(FIFTHS))
-    pieces = [[data[i] for i in part] for part in parts]
-    others = [each for j, some in enumerate(pieces) if j != k for each in some]
-    return concatenate(others), concatenate(pieces[k])
-
-
-def _recordings_cut(count: int, unseen: str) -> int:
-    rest = round(UNSEEN * count)
-    return count - rest if unseen == 'last' else rest
 
 
 def _bag(path: str, recording: RecordingSettings | None = None) -> Callable[[Path], RawRecordings]:

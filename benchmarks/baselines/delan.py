@@ -18,7 +18,7 @@ import torch
 from torch import nn
 from torch.optim.lr_scheduler import OneCycleLR
 
-from benchmarks.baselines.interface import Baseline, Methods
+from benchmarks.baselines import Baseline, Methods
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.model import TorquePrediction

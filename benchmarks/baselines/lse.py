@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
 
-from benchmarks.baselines.interface import Baseline, Methods
+from benchmarks.baselines import Baseline, Methods
 from benchmarks.baselines.lse_kernel import energy_gram, Lengths, States, torque_gram
 from benchmarks.baselines.marginal_likelihood import maximise
 from lip_id_ros.arrays import Array
@@ -25,11 +26,11 @@ NOISE_FLOOR = 1e-8
 INITIAL_FRICTION = 1e-2
 
 
+@dataclass(frozen=True)
 class Lse:
     """One Gaussian process for all torques, which share a Lagrangian; and friction per joint."""
 
-    def __init__(self, iterations: int = ITERATIONS) -> None:
-        self._iterations = iterations
+    iterations: int = ITERATIONS
 
     def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> LagrangianModel:
         """Fit all joints together."""
@@ -43,10 +44,11 @@ class Lse:
             gram = start.like(theta).gram(x, x).reshape(tau.size, tau.size)
             return gram + torch.diag(start.like(theta).noise(few.n_samples))
 
-        found = maximise(
-            noisy_gram, tau, start.vector.numpy(), self._iterations, progress, 'hyperparameters'
+        report = partial(progress, 'hyperparameters')
+        found = maximise(noisy_gram, tau, start.vector.numpy(), self.iterations, report)
+        return LagrangianModel(
+            dataset.joint_names, basis, start.like(torch.from_numpy(found)), many
         )
-        return _condition(basis, start.like(torch.from_numpy(found)), many)
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ class LseHyperparameters:
         unscaled = cls(
             torch.from_numpy(np.concatenate(parts)), basis.n_joints, torch.from_numpy(variance)
         )
-        return unscaled._scaled_to(basis, dataset)
+        return unscaled._scaled_to(_states(basis, dataset.select(dataset.covering(BLOCK))))
 
     def like(self, vector: torch.Tensor) -> LseHyperparameters:
         """Return others of the same meaning."""
@@ -117,20 +119,16 @@ class LseHyperparameters:
             z.dq
         )
 
-    def _scaled_to(self, basis: JointBasis, dataset: Dataset) -> LseHyperparameters:
+    def _scaled_to(self, x: States) -> LseHyperparameters:
         # The Lagrangian varies so much that its torques vary as those of the data.
-        some = dataset.select(dataset.covering(BLOCK))
-        x = _states(basis, some)
-        blocks = torque_gram(x, x, self.lengths)
-        diagonal = torch.einsum('ijij->ij', blocks).mean(0)
-        ratio = (self.torque_variance / diagonal).log().mean()
+        diagonal = torch.einsum('ijij->ij', torque_gram(x, x, self.lengths)).mean(0)
         vector = self.vector.clone()
-        vector[0] = ratio
+        vector[0] = (self.torque_variance / diagonal).log().mean()
         return self.like(vector)
 
 
 class LagrangianModel(Baseline):
-    """Posterior of torques and Lagrangian, given M samples and their weights alpha (M, n)."""
+    """Posterior of torques and Lagrangian, given M samples."""
 
     has_potential = True
 
@@ -139,12 +137,16 @@ class LagrangianModel(Baseline):
         joint_names: tuple[str, ...],
         basis: JointBasis,
         hyperparameters: LseHyperparameters,
-        states: States,
-        alpha: torch.Tensor,
+        dataset: Dataset,
     ) -> None:
         super().__init__(joint_names, basis.joint_types)
         self._basis, self._hyperparameters = basis, hyperparameters
-        self._states, self._alpha = states, alpha
+        self._states, tau = _states(basis, dataset), dataset.tau.ravel()
+        with torch.no_grad():
+            gram = hyperparameters.gram(self._states, self._states).reshape(tau.size, tau.size)
+            gram.diagonal().add_(hyperparameters.noise(dataset.n_samples))
+        alpha = CholeskyFactor.of(gram.contiguous().numpy()).solve(tau)
+        self._alpha = torch.from_numpy(alpha.reshape(dataset.tau.shape))
 
     @property
     def size(self) -> int:
@@ -184,19 +186,6 @@ class LagrangianModel(Baseline):
 
 def _states(basis: JointBasis, dataset: Dataset) -> States:
     return States.of(basis, dataset.q, dataset.dq, dataset.ddq)
-
-
-def _condition(
-    basis: JointBasis, hyperparameters: LseHyperparameters, dataset: Dataset
-) -> LagrangianModel:
-    states, tau = _states(basis, dataset), dataset.tau.ravel()
-    with torch.no_grad():
-        gram = hyperparameters.gram(states, states).reshape(tau.size, tau.size)
-        gram.diagonal().add_(hyperparameters.noise(dataset.n_samples))
-    alpha = CholeskyFactor.of(gram.contiguous().numpy()).solve(tau).reshape(dataset.tau.shape)
-    return LagrangianModel(
-        dataset.joint_names, basis, hyperparameters, states, torch.from_numpy(alpha)
-    )
 
 
 METHODS: Methods = {'lse': lambda _: Lse()}

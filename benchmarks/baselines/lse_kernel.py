@@ -105,8 +105,8 @@ class _Pair:
         m = (w_f * g * g_).sum(0)
         return cls(
             k=torch.exp(-0.5 * ((w_f * u_f.square()).sum((0, 3)) + (p * u_dq).sum(2))),
-            s=(r * dq).sum(2) + u_dq_dot(u_dq, a),
-            s_=(r_ * dq_).sum(2) + u_dq_dot(u_dq, a_),
+            s=(r * dq).sum(2) + (u_dq * a).sum(2),
+            s_=(r_ * dq_).sum(2) + (u_dq * a_).sum(2),
             b=(m * dq * dq_).sum(2) + x.ddq @ (z.ddq / velocity).T,
             p=p,
             r=r,
@@ -122,8 +122,3 @@ class _Pair:
     def to_energy(self) -> torch.Tensor:
         """Covariance of L with the second torque, in units of k, (N, M, n)."""
         return self.s_[..., None] * self.p - self.a_ - self.r_
-
-
-def u_dq_dot(u_dq: torch.Tensor, scaled: torch.Tensor) -> torch.Tensor:
-    """Return the part of u . zdot that the velocities contribute."""
-    return (u_dq * scaled).sum(2)

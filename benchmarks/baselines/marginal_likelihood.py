@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import torch
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import FitError
 from lip_id_ros.gp.training import minimise
-from lip_id_ros.progress import Progress
 
 NoisyGram = Callable[[torch.Tensor], torch.Tensor]
 """From log-hyperparameters (p,) to the covariance of the measurements (m, m)."""
@@ -26,28 +24,14 @@ def maximise(
     y: Array,
     start: Array,
     iterations: int,
-    progress: Progress,
-    stage: str,
+    report: Callable[[int, int], None],
     precision: Array | float = 0.0,
 ) -> Array:
     """
     Return the log-hyperparameters, shape (p,), of the largest marginal likelihood or posterior.
 
-    Parameters
-    ----------
-    y : ndarray, shape (m,)
-        Measurements of zero prior mean.
-    start : ndarray, shape (p,)
-        Also the centre of the prior.
-    iterations : int
-        Most iterations of L-BFGS.
-    precision : ndarray, shape (p,), or float
-        Of the Gaussian prior on each.
-
-    Raises
-    ------
-    FitError
-        If the Gram matrix cannot be factorised at the start.
+    `y`, shape (m,), are measurements of zero prior mean. `start` is also the centre of a Gaussian
+    prior of some precision. FitError if the Gram matrix cannot be factorised at the start.
 
     """
     measured, centre = torch.tensor(y), torch.tensor(start)
@@ -63,4 +47,4 @@ def maximise(
         value.backward()
         return float(value.detach()), theta.grad.numpy().copy()
 
-    return minimise(value_and_gradient, start, start, iterations, partial(progress, stage)).vector
+    return minimise(value_and_gradient, start, start, iterations, report).vector

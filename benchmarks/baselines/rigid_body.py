@@ -1,4 +1,4 @@
-"""Identification of rigid-body parameters with known kinematics, by weighted least squares."""
+"""Identification with known kinematics by least squares: smooth Coulomb friction, or ours."""
 
 from __future__ import annotations
 
@@ -7,13 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import lstsq
 
-from benchmarks.baselines.interface import Baseline, Methods, Urdf
+from benchmarks.baselines import Baseline, Methods, Urdf
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.urdf import load_description
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.identification.friction_selection import select_friction
+from lip_id_ros.identification.link_torques import link_prior_std
 from lip_id_ros.model import TorquePrediction
 from lip_id_ros.progress import Progress
-from lip_id_ros.rigid_body import Chain
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
 from lip_id_ros.rigid_body.regressor import (
     kinetic_regressor,
     potential_regressor,
@@ -30,21 +33,10 @@ Candidate widths of the smooth sign, in units of twice the root mean square velo
 """
 BLOCKS = 5  # of the training data, each left out once
 SWEEPS = 2  # over the joints
-STAGE = 'least squares'
 
 
 def known_chain(urdf: Urdf, dataset: Dataset) -> Chain:
-    """
-    Return the kinematics of a URDF for the joints of a data set; its masses are not used.
-
-    Raises
-    ------
-    OSError
-        If it cannot be opened.
-    DataError
-        If it is not a URDF, or not of this arm.
-
-    """
+    """Return the kinematics of a URDF for the joints of a data set; its masses are not used."""
     chain = load_description(urdf, dataset.joint_names, dataset.joint_types).chain
     return chain._replace(gravity=0.0 * chain.gravity) if dataset.gravity_compensated else chain
 
@@ -68,55 +60,53 @@ class RigidBodyFeatures:
         links = torque_regressor(self.chain, *contiguous(q, dq, ddq))
         return np.concatenate([links, *(diagonal(x) for x in columns)], axis=2)
 
-    def kinetic(self, q: Array, dq: Array) -> Array:
-        """Return rows, shape (N, 14 n), whose product with the parameters is T [J]."""
-        return _without_friction(kinetic_regressor(self.chain, *contiguous(q, dq)), q)
-
-    def potential(self, q: Array) -> Array:
-        """Return rows, shape (N, 14 n), whose product with the parameters is V [J]."""
-        return _without_friction(potential_regressor(self.chain, *contiguous(q)), q)
-
 
 def contiguous(*arrays: Array) -> tuple[Array, ...]:
     """Return arrays as compiled functions take them."""
     return tuple(np.ascontiguousarray(x) for x in arrays)
 
 
-def _without_friction(links: Array, q: Array) -> Array:
-    return np.hstack([links, np.zeros((len(q), 3 * q.shape[1]))])
+@dataclass(frozen=True)
+class SmoothFriction:
+    """Viscous and Coulomb friction, and an offset, of each joint, shape (3 n,)."""
+
+    sign_width: Array
+    coefficients: Array
+
+    def torque(self, q: Array, dq: Array, ddq: Array, load: Array) -> Array:
+        """Return the torque of friction, shape (N, n)."""
+        viscous, coulomb, offset = self.coefficients.reshape(3, -1)
+        return np.asarray(viscous * dq + coulomb * smooth_sign(dq, self.sign_width) + offset)
 
 
 class RigidBody(Baseline):
-    """Torques and energies of identified parameters, shape (14 n,)."""
+    """Torques and energies of identified links, shape (11 n,), and of friction."""
 
     has_potential = True
 
     def __init__(
-        self,
-        joint_names: tuple[str, ...],
-        joint_types: tuple[str, ...],
-        features: RigidBodyFeatures,
-        parameters: Array,
+        self, data: Dataset, chain: Chain, links: Array, friction: SmoothFriction | FrictionModel
     ) -> None:
-        super().__init__(joint_names, joint_types)
-        self._features = features
-        self._parameters = parameters
+        super().__init__(data.joint_names, data.joint_types)
+        self._chain, self._links, self.friction = chain, links, friction
 
     @property
     def size(self) -> int:
         """Number of numbers that the model keeps."""
-        return self._parameters.size
+        return self._links.size + self.friction.coefficients.size
 
     def predict(self, q: Array, dq: Array, ddq: Array) -> TorquePrediction:
         """Return torques and both energies; the kinetic one includes that of the rotors."""
-        features, parameters = self._features, self._parameters
+        q, dq, ddq = contiguous(q, dq, ddq)
+        load = torque_regressor(self._chain, q, dq, ddq) @ self._links
         return TorquePrediction(
-            features.torque(q, dq, ddq) @ parameters,
-            features.kinetic(q, dq) @ parameters,
-            features.potential(q) @ parameters,
+            load + self.friction.torque(q, dq, ddq, load),
+            kinetic_regressor(self._chain, q, dq) @ self._links,
+            potential_regressor(self._chain, q) @ self._links,
         )
 
 
+@dataclass(frozen=True)
 class Identification:
     """
     The paper's estimator ID (eq. linear_model), with a smooth sign of Coulomb friction.
@@ -127,19 +117,43 @@ class Identification:
 
     """
 
-    def __init__(self, urdf: Urdf) -> None:
-        self._urdf = urdf
+    urdf: Urdf
 
-    def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> Baseline:
+    def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> RigidBody:
         """Identify from all samples."""
-        features = chosen_features(known_chain(self._urdf, dataset), dataset)
+        chain = known_chain(self.urdf, dataset)
+        features = chosen_features(chain, dataset)
         phi = features.torque(dataset.q, dataset.dq, dataset.ddq)
         parameters, _ = identified(phi, dataset.tau)
-        progress(STAGE, REPEATS, REPEATS)
-        return RigidBody(dataset.joint_names, dataset.joint_types, features, parameters)
+        progress('least squares', REPEATS, REPEATS)
+        links, own = np.split(parameters, [LINK_PARAMETERS * dataset.n_joints])
+        return RigidBody(dataset, chain, links, SmoothFriction(features.sign_width, own))
 
 
-METHODS: Methods = {'rigid_body': Identification}
+@dataclass(frozen=True)
+class FrictionIdentification:
+    """
+    Least squares on rigid links and the friction terms that the default fit has on offer.
+
+    The rival that has everything of the default fit and the true kinematics: what is selected, and
+    how, is the same (`lip_id_ros.identification.friction_selection`).
+
+    """
+
+    urdf: Urdf
+
+    def fit(self, dataset: Dataset, settings: FitSettings, progress: Progress) -> RigidBody:
+        """Select friction and identify from all samples."""
+        chain = known_chain(self.urdf, dataset)
+        selected = select_friction(dataset, chain, link_prior_std(dataset))
+        progress('selection of friction', 1, 1)
+        return RigidBody(dataset, chain, selected.link_parameters.ravel(), selected.friction)
+
+
+METHODS: Methods = {
+    'rigid_body': Identification,
+    'rigid_body_friction': FrictionIdentification,
+}
 
 
 def chosen_features(chain: Chain, dataset: Dataset) -> RigidBodyFeatures:
@@ -152,15 +166,11 @@ def chosen_features(chain: Chain, dataset: Dataset) -> RigidBodyFeatures:
     """
     unit = 2.0 * np.sqrt(np.mean(np.square(dataset.dq), axis=0))
     trial = _WidthTrial(chain, dataset, unit)
-    n = dataset.n_joints
-    choice = min(
-        (np.full(n, width) for width in range(len(WIDTHS))), key=lambda each: trial.error(each)
-    )
-    for joint in SWEEPS * list(range(n)):
-        candidates = [choice.copy() for _ in WIDTHS]
-        for width, candidate in enumerate(candidates):
-            candidate[joint] = width
-        choice = min(candidates, key=lambda each: trial.error(each))
+    everywhere = [np.full(dataset.n_joints, width) for width in range(len(WIDTHS))]
+    choice = min(everywhere, key=trial.error)
+    for joint in SWEEPS * list(range(dataset.n_joints)):
+        own = np.arange(dataset.n_joints) == joint
+        choice = min((np.where(own, k, choice) for k in range(len(WIDTHS))), key=trial.error)
     return RigidBodyFeatures(chain, np.array(WIDTHS)[choice] * unit)
 
 
@@ -185,16 +195,9 @@ class _WidthTrial:
         rows = np.concatenate([phi, tau[:, :, None]], axis=2) / residual_std[:, None]
         blocks = np.array_split(rows, BLOCKS)
         self._gram = np.array([np.tensordot(x, x, axes=([0, 1], [0, 1])) for x in blocks])
-        self._known: dict[bytes, float] = {}
 
     def error(self, choice: Array) -> float:
         """Return the sum of squared errors of all left-out blocks, in units of the residuals'."""
-        key = choice.tobytes()
-        if key not in self._known:
-            self._known[key] = self._error(choice)
-        return self._known[key]
-
-    def _error(self, choice: Array) -> float:
         n = len(choice)
         signs = self._n_fixed + choice * n + np.arange(n)
         columns = np.concatenate([np.arange(self._n_fixed), signs, [self._gram.shape[1] - 1]])

@@ -19,10 +19,11 @@ from lip_id_ros.acquisition.job import SAVING
 from lip_id_ros.acquisition.recording_file import receive
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError, LipIdError
+from lip_id_ros.escaping import one_line
 from lip_id_ros.evaluation import data_remarks, matched
 from lip_id_ros.excitation.rounds import MotionRequest, next_motion
 from lip_id_ros.export.payload import inertias, require_links, to_yaml
-from lip_id_ros.files import write_or_rescue, write_whole
+from lip_id_ros.files import write_whole
 from lip_id_ros.loading.data_settings import selected_config
 from lip_id_ros.loading.examined import findings_of, load_dataset
 from lip_id_ros.loading.load import noted
@@ -51,7 +52,7 @@ def main(requests: TextIO, output: TextIO) -> int:
     try:
         _emit(output, {'result': _work(request, _reporter(output))})
     except (LipIdError, OSError) as error:
-        _emit(output, {'error': str(error)})
+        _emit(output, {'error': one_line(error)})
         return 1
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -96,7 +97,7 @@ def _fit(
 def _payload(data: Dataset, request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     model = InverseDynamicsModel.load(request['model'])
     require_links(model, request['model'])
-    flange, rescued = request['flange'], []
+    flange = request['flange']
     found = find_payload(model, matched(data, model), flange)
     shown = found.payload
     text = to_yaml(shown, [each.get('source', '') for each in _sources(data)], flange)
@@ -108,14 +109,9 @@ def _payload(data: Dataset, request: dict[str, Any], progress: Progress) -> dict
         'inertia_about_centre_of_mass': inertias(shown),
     }
     if request['payload_model']:
-        rescued = _save(found.model.save, request['payload_model'], progress)['rescue']
+        _save(found.model.save, request['payload_model'], progress)
     saved = _save(lambda place: write_whole(place, text.encode()), request['path'], progress)
-    return {
-        **saved,
-        'rescue': [*saved['rescue'], *rescued],
-        'cautions': found.cautions,
-        'payload': figures,
-    }
+    return {**saved, 'cautions': found.cautions, 'payload': figures}
 
 
 def _motion(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
@@ -128,24 +124,16 @@ def _motion(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     return {**_save(found.save, request['path'], progress), 'motion': motion.to_json()}
 
 
-def _save(
-    save: Callable[[str | os.PathLike[str]], None], path: str, progress: Progress
-) -> dict[str, Any]:
+def _save(save: Callable[[str], None], path: str, progress: Progress) -> dict[str, Any]:
     """
-    Save a result, elsewhere where the disk fails; return where it is, and a sentence then.
+    Save a result and return where it is.
 
     From here on the job cannot be cancelled: what is saved is reported as well.
     """
     progress(SAVING, 0, 1)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    places: list[str] = []
-
-    def write(place: str | os.PathLike[str]) -> None:
-        save(place)
-        places.append(os.fspath(place))
-
-    rescue = write_or_rescue(path, write)
-    return {'path': places[-1], 'rescue': [rescue] if rescue else []}
+    save(path)
+    return {'path': path}
 
 
 def _sources(data: Dataset) -> list[dict[str, Any]]:

@@ -132,7 +132,7 @@ class Recorder(Sections):
         """
         Write every message to bags, one for each section, unless all are saved; return the bags.
 
-        LipIdError if a bag can be written nowhere; the others are kept all the same.
+        LipIdError if a bag cannot be written; the others are kept all the same.
         """
         if len(self) <= self._saved_rows:
             return []
@@ -146,26 +146,20 @@ class Recorder(Sections):
         if n_lost:
             others = f' The others are in {", ".join(map(str, kept))}.' if kept else ''
             raise LipIdError(
-                f'{n_lost} unsaved samples are lost: they can be written neither to {path} nor to '
-                f'the home folder nor to those for temporary files ({reason}).{others}'
+                f'{n_lost} unsaved samples are lost: {path} cannot be written ({reason}); free '
+                f'that disk, or change unsaved_path, before the next recording.{others}'
             )
         return kept
 
     def endangered(self, path: str) -> str:
         """Return why unsaved samples would be lost if the node ended now, empty if safe."""
         names = sum(JOINT_BYTES + len(name.encode()) for name in self.joint_names)
-        needed = len(self) * (MESSAGE_BYTES + names) + self.n_extra_bytes
-        if len(self) <= self._saved_rows:
+        needed = len(self) * (MESSAGE_BYTES + names)
+        if len(self) <= self._saved_rows or recording_file.has_room(path, needed):
             return ''
-        if recording_file.has_room(path, needed):
-            return (
-                ''
-                if self.as_they_came
-                else 'frames and other joints are not kept: no room for them'
-            )
         return (
-            f'{len(self)} unsaved samples would be lost, no folder has {needed / 1e6:.0f} MB for '
-            'them: free the disk or change unsaved_path'
+            f'{len(self)} unsaved samples would be lost, the folder of {path} has no '
+            f'{needed / 1e6:.0f} MB for them: free the disk or change unsaved_path'
         )
 
     @property

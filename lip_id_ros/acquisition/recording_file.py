@@ -9,7 +9,6 @@ import json
 import os
 from pathlib import Path
 import shutil
-import tempfile
 from typing import Any
 
 import numpy as np
@@ -19,9 +18,6 @@ from lip_id_ros.recording import JointSamples
 from lip_id_ros.recording.bag_writer import JointStateTrack, write_mcap
 
 _ARRAYS = ('t', 'position', 'velocity', 'effort')
-
-UNSAVED = 'unsaved.mcap'
-"""Name of a bag where none is given, or the one given cannot be that of a file."""
 
 
 def pass_on(folder: str | os.PathLike[str], sections: Sequence[JointSamples]) -> None:
@@ -59,62 +55,21 @@ def keep(path: str | os.PathLike[str], track: JointStateTrack) -> Path:
     """
     Write messages as an MCAP bag, beside those that were kept before; return the file.
 
-    A number is added to its name if there is one already. Where nothing can be written, it goes
-    into a new folder in one of the other `folders`, or gets another name. OSError if nowhere.
+    A number is added to its name if there is one already. OSError if it cannot be written.
     """
-    asked, *others = folders(path)
-    failure = OSError('there is no folder')
-    for name in dict.fromkeys([Path(path).name or UNSAVED, UNSAVED]):
-        for folder in (asked, *others):
-            try:
-                if folder is asked:
-                    return _write_beside(folder / name, track)
-                return _write_apart(folder, name, track)
-            except OSError as error:
-                failure = error
-            except ValueError:  # of a name with NUL
-                continue
-    raise failure
-
-
-def folders(path: str | os.PathLike[str]) -> list[Path]:
-    """Return where samples may be kept, the folder that is asked for first, memory last."""
-    found = [Path(path).parent]
-    with suppress(RuntimeError):  # of a user without HOME and without an entry
-        found.append(Path.home())
-    with suppress(OSError):
-        found.append(Path(tempfile.gettempdir()))
-    return [*found, Path('/dev/shm')]
-
-
-def has_room(path: str | os.PathLike[str], size: int) -> bool:
-    """Return whether one of the folders for a path can take so many bytes."""
-    return any(
-        os.access(folder, os.W_OK) and shutil.disk_usage(folder).free > size
-        for folder in folders(path)
-        if os.path.isdir(folder)  # Path.is_dir raises an error where a name is too long
-    )
-
-
-def _write_apart(folder: Path, name: str, track: JointStateTrack) -> Path:
-    """Write a bag into a new folder, which is closed to others and whose name nobody foresees."""
-    private = Path(tempfile.mkdtemp(prefix='lip_id_ros_', dir=folder))
-    try:
-        return _write_beside(private / name, track)
-    except BaseException:
-        with suppress(OSError):
-            private.rmdir()
-        raise
-
-
-def _write_beside(path: Path, track: JointStateTrack) -> Path:
-    target = _claimed(path)
+    target = _claimed(Path(path))
     try:
         write_mcap(target, [track])
     except BaseException:
         target.unlink(missing_ok=True)
         raise
     return target
+
+
+def has_room(path: str | os.PathLike[str], size: int) -> bool:
+    """Return whether the folder of a path can take so many bytes."""
+    folder = Path(path).parent
+    return os.access(folder, os.W_OK) and shutil.disk_usage(folder).free > size
 
 
 def _claimed(path: Path) -> Path:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from lip_id_ros.acquisition.originals import Originals, OriginalTrack
 from lip_id_ros.recording import JointSamples, Reason, SampleBuffer
 from lip_id_ros.recording.bag_writer import JointStateTrack
 from lip_id_ros.recording.joint_messages import JointMessage
@@ -37,7 +36,6 @@ class Sections:
         """Forget all messages, counts and, unless they were given, the joints."""
         self._closed: list[SampleBuffer] = []
         self._current = SampleBuffer(self._wanted, self._max_rows)
-        self._originals: Originals | None = Originals()
         self._drop_held()
 
     def __len__(self) -> int:
@@ -76,7 +74,7 @@ class Sections:
         doubt = None if foreign else self._doubt(stamp)
         if doubt is not None:
             return self._hold(stamp, message, doubt)
-        reason = self._take(message)
+        reason = self._current.add(*message)
         if reason is None and self._held:
             self._drop_held()
         return reason
@@ -90,29 +88,13 @@ class Sections:
         ]
 
     def tracks(self, topic: str) -> list[JointStateTrack]:
-        """Return every message that was taken, by sections; nothing may be added any more."""
-        found: list[JointStateTrack] = []
-        first = 0
+        """Return every message that was taken, by sections."""
+        found = []
         for section in filter(len, (*self._closed, self._current)):
             each = section.all_samples('recording', topic)
             signals = each.position, each.velocity, each.effort
-            known = topic, each.joint_names, each.t, *signals, each.start_ns
-            if self._originals is None:
-                found.append(JointStateTrack(*known))
-            else:
-                found.append(OriginalTrack(*known, originals=self._originals, first=first))
-            first += len(section)
+            found.append(JointStateTrack(topic, each.joint_names, each.t, *signals, each.start_ns))
         return found
-
-    @property
-    def n_extra_bytes(self) -> int:
-        """About what frames and other joints add to a bag."""
-        return 0 if self._originals is None else self._originals.n_bytes
-
-    @property
-    def as_they_came(self) -> bool:
-        """Whether frames and other joints are kept too."""
-        return self._originals is not None
 
     def _doubt(self, stamp: int) -> Reason | None:
         last = self._current.last_stamp_ns
@@ -123,7 +105,7 @@ class Sections:
         return Reason.FAR_STAMP if stamp > last + LONGEST_STEP_NS else None
 
     def _hold(self, stamp: int, message: JointMessage, doubt: Reason) -> Reason:
-        reason = self._trial(stamp).add(*message[:5]) or doubt
+        reason = self._trial(stamp).add(*message) or doubt
         if self._max_rows - len(self) < CONFIRMED_BY:
             reason = Reason.BUFFER_FULL
         self._current.reject(reason)
@@ -147,17 +129,8 @@ class Sections:
             self._closed.append(self._current)
             self._current = SampleBuffer(self.joint_names, room)
         for _, message, _ in self._held:
-            self._take(message)
+            self._current.add(*message)
         self._drop_held()
-
-    def _take(self, message: JointMessage) -> Reason | None:
-        reason = self._current.add(*message[:5])
-        if reason is None and self._originals is not None:
-            try:
-                self._originals.add(message, self._current.last_row, self.joint_names)
-            except (OSError, MemoryError):  # the numbers of the arm are kept all the same
-                self._originals = None
-        return reason
 
     def _drop_held(self) -> None:
         self._held: list[tuple[int, JointMessage, Reason]] = []

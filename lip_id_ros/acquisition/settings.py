@@ -8,7 +8,9 @@ import os
 from pathlib import Path
 from typing import Any
 
+from lip_id_ros import files
 from lip_id_ros.checked_file import is_model
+from lip_id_ros.dataset import DATASET_SUFFIX
 from lip_id_ros.dataset.formats import is_data_set
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.settings import (
@@ -175,25 +177,15 @@ def require_writable(name: str, path: str) -> None:
     if not path:
         raise ConfigError(f'{name} must name a file, but is empty.')
     try:
-        _require_writable(name, Path(path).resolve())
-    except (OSError, ValueError) as error:  # a name that is too long, or of characters of no name
-        reason = getattr(error, 'strerror', None) or error
-        raise ConfigError(
-            f'{name} must name a file, but {path[:99]!r} is none ({reason}).'
-        ) from error
+        files.require_writable(path)
+        if name in OUTPUTS:
+            _require_own(Path(path), *OUTPUTS[name])
+        if name == 'dataset_path':
+            files.require_suffix(path, DATASET_SUFFIX, 'the data set')
+    except ConfigError as error:
+        raise ConfigError(f'{name}: {error}') from error
 
 
-def _require_writable(name: str, target: Path) -> None:
-    if target.is_dir():
-        raise ConfigError(f'{name} must name a file, but {target} is a folder.')
-    if not target.parent.is_dir():
-        raise ConfigError(
-            f'{name} must lie in a folder that exists, but {target.parent} does not; make it, or '
-            f'change {name}.'
-        )
-    exists = target.exists()
-    if not os.access(target.parent, os.W_OK) or (exists and not os.access(target, os.W_OK)):
-        raise ConfigError(f'{name} must be writable, but {target} is not; change {name}.')
-    is_own, kind = OUTPUTS[name]
-    if exists and target.stat().st_size and not is_own(target):
-        raise ConfigError(f'{name}: {target} exists and is not {kind}; name another file.')
+def _require_own(target: Path, is_own: Callable[[Path], bool], kind: str) -> None:
+    if target.exists() and target.stat().st_size and not is_own(target):
+        raise ConfigError(f'{target} exists and is not {kind}; name another file.')

@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> None:
 
     inputs = [args.model, *args.sources]
     output.check_distinct(args.json, args.output)
-    output.check_file(args.json, inputs, output.is_json, 'a JSON object', args.force)
+    output.check_json(args.json, inputs, args.force)
     output.check_file(args.output, inputs, is_model, 'a model', args.force)
     output.check_folder(args.report, args.force)
     model = models.load(args.model)
@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> None:
             from lip_id_ros.adaptation.report import write_report
 
             page = write_report(args.report, found, tables, lines, progress)
-    console = output.console(args.json, args.output)
+    console = output.console(args.json)
     for table in tables:
         show(table, console)
     show_lines(lines, console)
@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> None:
         show_lines([f'Written: {page}'], console)
     output.write_json(args.json, {**found.to_json(), 'cautions': remarks})
     if args.output is not None:
-        found.adaptation.model.save(output.destination(args.output))
+        found.adaptation.model.save(args.output)
         show_lines([f'Written: {args.output}'], console)
 
 

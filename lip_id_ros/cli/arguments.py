@@ -92,13 +92,8 @@ def count(text: str) -> int:
     return int(text)
 
 
-def days(text: str) -> float:
-    """Read a number of days, zero or more; argparse.ArgumentTypeError if it is anything else."""
-    return _not_negative(text, 'days')
-
-
 def seconds(text: str) -> float:
-    """Read a number of seconds, zero or more; argparse.ArgumentTypeError if it is another."""
+    """Read a number of seconds, zero or more; argparse.ArgumentTypeError if not."""
     return _not_negative(text, 'seconds')
 
 

@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.feedforward.plan_files import read_plans
 
     inputs = [args.model, args.plan, *filter(None, [args.urdf, args.params])]
-    output.check_file(args.json, inputs, output.is_json, 'figures as JSON', args.force)
+    output.check_json(args.json, inputs, args.force)
     model = models.load(args.model)
     limits = _limits(args, model.joint_names)
     plans = read_plans(args.plan, args.topic)

@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> None:
         lines = fit_cautions(model)
     name = identifier(Path(args.model).stem if args.name is None else args.name)
     exported = describe(model, name)
-    console = output.console(*targets.values())
+    console = output.console()
     residual_gp = exported.residual_gp
     of_what = 'the model' if residual_gp is None else 'the links and friction in the file'
     template = _template(args, model)
@@ -108,7 +108,7 @@ def run(args: argparse.Namespace) -> None:
     package = {} if header is None else solver_package(exported.arm, header.text)
     agreements = {}
     for format_name, file in files.items():
-        file.save(output.destination(targets[format_name]))
+        file.save(targets[format_name])
         show_lines([f'Written: {targets[format_name]}'], console)
         if args.check:
             agreement = file.check(model, STATES)

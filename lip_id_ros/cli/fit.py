@@ -39,7 +39,7 @@ MOST_LISTED = 20
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     arguments.add_sources(parser)
-    arguments.add_output(parser, 'MODEL.npz', 'file to write; - for standard output')
+    arguments.add_output(parser, 'MODEL.npz', 'file to write')
     arguments.add_config(parser, 'default settings')
     parser.add_argument(
         '--kernel',
@@ -69,9 +69,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.checked_file import is_model
     from lip_id_ros.cli import models, output, show
     from lip_id_ros.description.urdf import parsed, urdf_text
-    from lip_id_ros.errors import LipIdError
     from lip_id_ros.evaluation.tables import show_lines
-    from lip_id_ros.files import write_or_rescue
     from lip_id_ros.workflow.fit import learn_from, Learned
 
     several = _are_several(args)
@@ -90,8 +88,8 @@ def run(args: argparse.Namespace) -> None:
             origin, remarks = _origin(result), _left_out(result)
         else:
             learned = learn_from(args.sources, config, args.holdout or 0.0, progress)
-        rescue = write_or_rescue(output.destination(args.output), learned.model.save)
-    console = output.console(args.output, args.report)
+        learned.model.save(args.output)
+    console = output.console()
     show.fitted(learned.model, console, origin)
     if learned.evaluation is not None:
         title = f'Held out: the last {100 * args.holdout:g} % of the samples'
@@ -104,8 +102,6 @@ def run(args: argparse.Namespace) -> None:
         show_lines(_write_report(args, result), console)
     if learned.evaluation is None:
         show_lines([show.UNSEEN], console)
-    if rescue is not None:
-        raise LipIdError(rescue)
     show_lines([f'Written: {args.output}'], console)
 
 
@@ -141,7 +137,8 @@ def _add_arguments_of_several(parser: argparse.ArgumentParser) -> None:
         '--cache',
         type=arguments.source,
         metavar='DIR',
-        help='where results of recordings are kept for later fits (default: that of lip_id cache)',
+        help='where results of recordings are kept for later fits '
+        '(default: lip_id_ros/fleet in $XDG_CACHE_HOME or ~/.cache)',
     )
     fleet.add_argument('--report', metavar='PAGE.html', help='write a page about the recordings')
 
@@ -204,10 +201,9 @@ def _write_report(args: argparse.Namespace, result: FleetResult) -> list[str]:
     """Write the page that is asked for; return a line about it."""
     if args.report is None:
         return []
-    from lip_id_ros.cli import output
     from lip_id_ros.fleet.report import write_fleet_report  # brings matplotlib
 
-    write_fleet_report(output.destination(args.report), result, Path(args.output).name)
+    write_fleet_report(args.report, result, Path(args.output).name)
     return [f'Written: {args.report}']
 
 

@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> None:
     """Describe and show."""
     from lip_id_ros.cli import output
 
-    output.check_file(args.json, [args.file], output.is_json, 'a JSON object', args.force)
+    output.check_json(args.json, [args.file], args.force)
     output.check_folder(args.report, args.force)
     console = output.console(args.json)
     description = _model(args, console) if _is_model(args.file) else _recording(args, console)

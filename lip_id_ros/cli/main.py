@@ -11,8 +11,6 @@ import sys
 import lip_id_ros
 from lip_id_ros.cli import (
     adapt,
-    bench,
-    cache,
     check_plan,
     dataset,
     demo,
@@ -29,7 +27,7 @@ from lip_id_ros.escaping import one_line
 
 VERBS = (
     *(demo, excite, inspect, fit, evaluate, predict, adapt, check_plan, dataset, export),
-    *(payload, bench, cache),
+    payload,
 )
 FAILED = 1
 INTERRUPTED = 130  # as shells report a program ended by Ctrl-C

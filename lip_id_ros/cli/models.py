@@ -14,7 +14,6 @@ from lip_id_ros.evaluation import fit_cautions, matched
 from lip_id_ros.loading import load_dataset, with_selected
 from lip_id_ros.loading.data_settings import settings_of
 from lip_id_ros.loading.examined import load_dataset as load_dataset_examined
-from lip_id_ros.loading.load import load_each
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.serialization import contradictions
 from lip_id_ros.progress import Progress
@@ -51,16 +50,6 @@ def load_examined(
 ) -> Dataset:
     """Read recordings as `load_for` does, to learn from them: with findings about them."""
     return matched(load_dataset_examined(sources, _config_of(model, path), progress), model)
-
-
-def load_with_every_sample(
-    model: InverseDynamicsModel, sources: list[str], path: str | None, progress: Progress
-) -> tuple[Dataset, Dataset]:
-    """Read recordings as `load_for` does, also without leaving out samples between others."""
-    config = _config_of(model, path)
-    every = replace(config.preprocessing, decimate=1, max_samples=0)
-    chosen, whole = load_each(sources, config, (config.preprocessing, every), progress)
-    return matched(chosen, model), matched(whole, model)
 
 
 def fit_config(args: argparse.Namespace) -> Config:

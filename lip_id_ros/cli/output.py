@@ -9,7 +9,6 @@ import json
 import os
 from pathlib import Path
 import sys
-import tempfile
 import time
 from typing import Any, TextIO
 
@@ -28,23 +27,14 @@ from rich.progress import Progress as Bars
 from rich.text import Text
 
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.files import is_stream, write_whole
+from lip_id_ros.files import is_stream, require_writable, write_whole
 from lip_id_ros.progress import Progress
 
 DASH = '-'
-STANDARD_OUTPUT = '/dev/stdout'
+"""Standard output as the place of `--json`."""
+
 PLAIN_WIDTH = 100
 QUIET_SECONDS = 10.0
-
-
-def destination(path: str) -> str:
-    """Return the path of an output; `-` is standard output."""
-    return STANDARD_OUTPUT if path == DASH else path
-
-
-def with_suffix(place: str) -> str:
-    """Return a name with the suffix of the format; that of a pipe or device is .npz."""
-    return 'stream.npz' if is_stream(place) else place
 
 
 def check_file(
@@ -58,17 +48,16 @@ def check_file(
     Refuse an output file that cannot be written, or would replace something else.
 
     `path`: None for no output. `inputs`: files that the work reads. `is_own`: whether an existing
-    file is of the `kind` that will be written. `force`: allow to replace any file. OSError or
-    ConfigError has the reason.
+    file is of the `kind` that will be written. `force`: allow to replace any file. ConfigError has
+    the reason.
     """
     if path is None:
         return
     _require_name(path)
-    place = destination(path)
-    if place == STANDARD_OUTPUT or is_stream(place):
+    if is_stream(path):
         return
-    target = Path(os.path.realpath(place))
-    _check_writable(target, path)
+    require_writable(path)
+    target = Path(os.path.realpath(path))
     if not target.exists() or force:
         return
     if any(os.path.exists(each) and os.path.samefile(each, target) for each in inputs):
@@ -81,14 +70,20 @@ def check_file(
         )
 
 
+def check_json(path: str | None, inputs: Sequence[str], force: bool) -> None:
+    """Refuse a place of `--json` as `check_file` does; standard output is one."""
+    if path != DASH:
+        check_file(path, inputs, is_json, 'a JSON object', force)
+
+
 def check_distinct(*paths: str | None) -> None:
     """Refuse two outputs at one place by a ConfigError: the second would replace the first."""
     places: dict[str, str] = {}
     for path in paths:
-        if path is None:
+        if path is None or path == DASH:
             continue
         _require_name(path)
-        place = os.path.realpath(destination(path))
+        place = os.path.realpath(path)
         if place in places:
             raise ConfigError(
                 f'every output needs a file of its own, but {places[place]} and {path} are one; '
@@ -130,14 +125,11 @@ def is_page(path: Path) -> bool:
         return MAKER.encode() in file.read(1000)
 
 
-def console(*targets: str | None) -> Console:
-    """Return where tables go: standard output, or standard error where a result takes that."""
-    to_stderr = any(
-        target is not None and destination(target) == STANDARD_OUTPUT for target in targets
-    )
-    stream = sys.stderr if to_stderr else sys.stdout
+def console(json_target: str | None = None) -> Console:
+    """Return where tables go: standard output, or standard error where JSON takes that."""
+    stream = sys.stderr if json_target == DASH else sys.stdout
     width = None if stream.isatty() else PLAIN_WIDTH
-    return Console(stderr=to_stderr, width=width, highlight=False)
+    return Console(stderr=stream is sys.stderr, width=width, highlight=False)
 
 
 def write_json(target: str | None, content: Mapping[str, Any]) -> None:
@@ -145,7 +137,7 @@ def write_json(target: str | None, content: Mapping[str, Any]) -> None:
     if target is None:
         return
     text = json.dumps(dict(content), indent=2, allow_nan=False) + '\n'
-    if destination(target) == STANDARD_OUTPUT:
+    if target == DASH:
         sys.stdout.write(text)
         return
     write_whole(target, text.encode())
@@ -219,21 +211,8 @@ class _Stages:
 
 
 def _require_name(path: str) -> None:
-    if not path or '\0' in path:
+    if path in ('', DASH) or '\0' in path:
         raise ConfigError(f'an output must have a name without NUL, but {path!r} came; name it.')
-
-
-def _check_writable(target: Path, path: str) -> None:
-    if target.is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), path)
-    if not target.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(target.parent))
-    try:
-        with tempfile.TemporaryFile(dir=target.parent):
-            pass  # a read-only or full disk has modes that say otherwise
-    except OSError as error:
-        error.filename = str(target.parent)
-        raise
 
 
 def _is_report(folder: Path) -> bool:

@@ -78,15 +78,15 @@ def run(args: argparse.Namespace) -> None:
     with output.progress_display() as progress:
         dataset = models.load_examined(model, args.sources, args.config, progress)
     found = find_payload(model, dataset, args.flange)
-    console = output.console(args.yaml, args.output)
+    console = output.console()
     _show(found.payload, console)
     show_lines(found.cautions, console)
     if args.yaml is not None:
         text = to_yaml(found.payload, args.sources, args.flange)
-        write_whole(output.destination(args.yaml), text.encode())
+        write_whole(args.yaml, text.encode())
         show_lines([f'Written: {args.yaml}'], console)
     if args.output is not None:
-        found.model.save(output.destination(args.output))
+        found.model.save(args.output)
         show_lines([f'Written: {args.output}'], console)
 
 

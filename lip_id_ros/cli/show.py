@@ -1,4 +1,4 @@
-"""Models, data sets, speeds and descriptions as tables and lines on a console."""
+"""Models, data sets and descriptions as tables and lines on a console."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ from lip_id_ros.settings import PreprocessingSettings, RecordingSettings
 
 if TYPE_CHECKING:  # recordings are described without models
     from lip_id_ros.evaluation import Evaluation
-    from lip_id_ros.evaluation.speed import Speed
     from lip_id_ros.model import InverseDynamicsModel
 
 UNSEEN = (
@@ -185,27 +184,6 @@ def prepared(dataset: Dataset, console: Console) -> None:
     title = f'{dataset.n_samples} samples, uninterrupted segments: {segments}'
     header = ('', 'type', 'q', 'dq', 'tau')
     show(Table(title, header, rows), console)
-
-
-def measured(speed: Speed, console: Console) -> None:
-    """Show the times of a model."""
-    calls = (
-        ('torque, kinetic and potential energy', speed.one_query),
-        ('the same, and the torque by parts', speed.parts),
-        ('standard deviations of torques and energies', speed.deviation),
-    )
-    rows = [
-        (what, f'{times.median:.1f}', f'{times.p99:.1f}', f'{times.max:.1f}')
-        for what, times in calls
-    ]
-    title = f'one sample, {speed.n_joints} joints, model of {speed.n_samples} samples'
-    show(Table(title, ('', 'median [us]', '99 of 100 below', 'longest'), rows), console)
-    texts = (
-        'Torque and energies are computed together: one of them alone takes as long.',
-        f'The first standard deviation takes {speed.factorise_s:.2g} s more.',
-        f'Many samples in one call, with parts: {speed.batch_per_second:.0f} per second.',
-    )
-    show_lines(texts, console)
 
 
 def _span(values: Array) -> str:

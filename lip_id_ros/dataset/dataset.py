@@ -7,14 +7,12 @@ import dataclasses
 from dataclasses import dataclass, field
 from numbers import Real
 import os
-from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lip_id_ros.arrays import Array, BoolArray, digest, IndexArray, IntArray
-from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import formats
 from lip_id_ros.dataset.checks import (
     checked,
@@ -28,7 +26,7 @@ from lip_id_ros.dataset.checks import (
 from lip_id_ros.dataset.provenance import COPIES, cutoffs_hz
 from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.errors import DataError, missing_joints, shortened
-from lip_id_ros.files import path_text
+from lip_id_ros.files import require_suffix
 from lip_id_ros.joint_history import JointHistory
 from lip_id_ros.joint_types import is_prismatic
 
@@ -254,19 +252,17 @@ class Dataset:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """
-        Write the data set, whole or not at all: as CSV where the path ends in .csv, else as npz.
-
-        Joint types and provenance have no place in a CSV file.
+        Write the data set as npz, whole or not at all.
 
         Raises
         ------
+        ConfigError
+            If the path does not end in .npz.
         OSError
             If the file cannot be written.
 
         """
-        if Path(path_text(path)).suffix == CSV_SUFFIX:
-            formats.write_csv(path, self._recorded(), self.joint_names)
-            return
+        require_suffix(path, formats.DATASET_SUFFIX, 'the data set')
         names = {'joint_names': self.joint_names, 'joint_types': self.joint_types}
         arrays = {**self._recorded(), **names}
         formats.write_npz(path, arrays, self.gravity_compensated, self.provenance)
@@ -274,7 +270,7 @@ class Dataset:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
         """
-        Read a data set: a CSV file, ours or a bare npz file of q, dq, ddq and tau.
+        Read a data set: ours, or a bare npz file of q, dq, ddq and tau.
 
         What a bare file leaves out gets a default: `t` uniform steps of its scalar `dt`, of 1 s
         without one; `joint_names` joint_1, joint_2, ...; `joint_types` all revolute; `segment` a
@@ -291,8 +287,7 @@ class Dataset:
             If it is no data set, or contradicts itself; names the file.
 
         """
-        read = formats.read_csv if Path(path_text(path)).suffix == CSV_SUFFIX else formats.read_npz
-        fields = read(path)
+        fields = formats.read_npz(path)
         try:
             return cls(**fields)
         except DataError as error:

@@ -1,26 +1,17 @@
-"""Data sets in files: npz, and CSV with t, segment, then q_, dq_, ddq_ and tau_ of every joint."""
+"""Data sets in npz files."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 import os
-from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros import files
-from lip_id_ros.csv_table import (
-    check_columns,
-    CSV_SUFFIX,
-    has_accelerations,
-    joints_of,
-    quoted,
-    read_table,
-)
 from lip_id_ros.dataset.checks import DERIVED, INDICES, PER_JOINT, PER_SAMPLE
-from lip_id_ros.errors import ConfigError, DataError
+from lip_id_ros.errors import DataError
 
 DATASET_SUFFIX = '.npz'
 FORMAT = 'lip_id_ros data set'
@@ -38,9 +29,7 @@ UNITS = {
     'potential': 'J',
 }
 
-_ENERGIES = ('kinetic', 'potential')
 _NEEDED = ('q', 'dq', 'ddq', 'tau')
-_OPTIONAL = ('tau_noiseless', 'low_passed_sign')
 _KEPT = tuple(name for name in (*PER_SAMPLE, *PER_JOINT, *INDICES) if name not in DERIVED)
 _KNOWN = (*_KEPT, 'joint_names', 'joint_types')
 
@@ -49,16 +38,6 @@ PathLike = str | os.PathLike[str]
 
 MOST_JOINTS = 32
 """Of an arm whose names nobody gave: more are samples."""
-
-
-def check_suffix(path: PathLike) -> None:
-    """Raise a ConfigError unless the suffix of a path chooses a format."""
-    suffixes = (DATASET_SUFFIX, CSV_SUFFIX)
-    if Path(path).suffix not in suffixes:
-        raise ConfigError(
-            f'{os.fspath(path)} must end in {" or ".join(suffixes)}, which chooses the format of '
-            'the data set; give it one of these endings.'
-        )
 
 
 def write_npz(
@@ -99,51 +78,6 @@ def read_npz(path: PathLike) -> dict[str, Any]:
         given['gravity_compensated'] = bool(header['gravity_compensated'])
     filled = {name: value for name, value in filled.items() if name not in given}
     return {**given, **filled, 'provenance': _provenance(path, header, list(filled))}
-
-
-def write_csv(path: PathLike, arrays: Mapping[str, Any], joint_names: Sequence[str]) -> None:
-    """Write the arrays of a data set as columns; every number reads back exactly."""
-    columns = {'t': arrays['t']} | {name: arrays[name] for name in INDICES if name in arrays}
-    for signal in PER_JOINT:
-        if signal in arrays:
-            named = zip(joint_names, arrays[signal].T, strict=True)
-            columns |= {f'{signal}_{joint}': column for joint, column in named}
-    columns |= {name: arrays[name] for name in _ENERGIES if name in arrays}
-
-    def put(file: BinaryIO) -> None:
-        file.write(','.join(quoted(name) for name in columns).encode() + b'\n')
-        for row in zip(*(column.tolist() for column in columns.values()), strict=True):
-            file.write(','.join(map(repr, row)).encode() + b'\n')
-
-    files.write_atomically(path, put)
-
-
-def read_csv(path: PathLike) -> dict[str, Any]:
-    """
-    Read the fields of a data set: t, q_NAME, dq_NAME, ddq_NAME, tau_NAME, segment, recording.
-
-    The last two may be absent. All joints are taken for revolute. Other columns are ignored. The
-    errors are those of `Dataset.load`.
-    """
-    table = read_table(path)
-    columns = table.columns
-    joints = joints_of(list(columns))
-    check_columns(
-        path, table, ['t', *(f'{signal}_{name}' for signal in _NEEDED for name in joints)]
-    )
-    fields: dict[str, Any] = {signal: table.per_joint(signal, joints) for signal in _NEEDED}
-    for signal in _OPTIONAL:
-        if all(f'{signal}_{joint}' in columns for joint in joints):
-            fields[signal] = table.per_joint(signal, joints)
-    fields |= {name: columns[name] for name in (*_ENERGIES, *INDICES) if name in columns}
-    return {
-        't': columns['t'],
-        'segment': np.zeros(table.n_rows),
-        'joint_names': joints,
-        'joint_types': ('revolute',) * len(joints),
-        'provenance': {'sources': [{'source': os.fspath(path), 'notes': list(table.notes)}]},
-        **fields,
-    }
 
 
 def as_columns(array: NDArray[Any]) -> NDArray[Any]:
@@ -223,8 +157,6 @@ def _provenance(path: PathLike, header: Mapping[str, Any], defaults: list[str]) 
 
 def is_data_set(path: PathLike) -> bool:
     """Whether a file is a data set as `Dataset.save` writes it."""
-    if Path(path).suffix == CSV_SUFFIX:
-        return has_accelerations(path)
     try:
         return bool(files.read_header(path).get('format') == FORMAT)
     except ValueError:

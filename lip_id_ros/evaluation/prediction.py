@@ -1,9 +1,11 @@
-"""Predictions along a data set, and whether it is, or may be, the training data of the model."""
+"""Predictions along a data set, their file, and whether the data are those of the training."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+import os
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 from lip_id_ros.arrays import Array, EVERY, Rows
 from lip_id_ros.dataset import cutoffs_hz, Dataset
 from lip_id_ros.errors import ModelError
+from lip_id_ros.files import read_header, write_npz
 from lip_id_ros.identification.folds import at_rest
 from lip_id_ros.model import (
     DynamicsModel,
@@ -26,6 +29,16 @@ from lip_id_ros.recording.sketch import have_common_samples, SKETCH
 BLOCK = 500
 STD_BLOCK, ARM_STD_BLOCK = 50, 2000  # the path of all samples is looked at for each block
 MOST_COVERED = 500  # samples of which a coverage is the share
+
+FORMAT, VERSION = 'lip_id_ros prediction', 1
+TORQUES = ('tau', 'inertial', 'coriolis', 'gravity', 'friction')
+ENERGIES = ('kinetic', 'potential')
+UNITS = {
+    't': 's',
+    **dict.fromkeys((*TORQUES, 'tau_std', 'measurement_std', 'tau_measured'), 'N m or N'),
+    **dict.fromkeys((*ENERGIES, 'kinetic_std', 'potential_std'), 'J'),
+}
+"""Of the arrays of a file of predictions, by the names of interfaces.md."""
 
 Blocks = TypeVar('Blocks', bound=Any)
 
@@ -191,3 +204,33 @@ def _contents(provenance: Mapping[str, Any]) -> tuple[set[str], str]:
     sources = [x for x in provenance.get('sources', ()) if isinstance(x, Mapping)]
     digests = {digest for source in sources if (digest := source.get('content'))}
     return digests, ''.join(source.get(SKETCH, '') for source in sources)
+
+
+def predicted_values(
+    model: TorqueModel, outcome: Outcome, progress: Progress = silent
+) -> dict[str, Array]:
+    """Return torques, and the parts, energies and standard deviations that the model has."""
+    found = {name: getattr(outcome.prediction, name, None) for name in (*TORQUES, *ENERGIES)}
+    if isinstance(model, DynamicsModel):
+        std = standard_deviation(model, outcome.dataset, progress)
+        found |= {f'{name}_std': getattr(std, name) for name in ('tau', 'measurement', *ENERGIES)}
+    return {name: values for name, values in found.items() if values is not None}
+
+
+def write_prediction(
+    path: str | os.PathLike[str], data: Dataset, found: Mapping[str, Array]
+) -> None:
+    """Write predictions beside the measurement; see interfaces.md."""
+    arrays: dict[str, Any] = {'t': data.t, 'segment': data.segment, 'tau_measured': data.tau}
+    arrays |= found
+    units = {name: unit for name, unit in UNITS.items() if name in arrays}
+    names = {'joint_names': np.array(data.joint_names)}
+    write_npz(path, arrays | names, {'format': FORMAT, 'version': VERSION, 'units': units})
+
+
+def is_prediction(path: Path) -> bool:
+    """Whether a file is a prediction."""
+    try:
+        return read_header(path).get('format') == FORMAT
+    except ValueError:
+        return False

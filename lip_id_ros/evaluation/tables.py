@@ -13,11 +13,10 @@ import rich.table
 from rich.text import Text
 
 from lip_id_ros.escaping import printable
-from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
+from lip_id_ros.joint_types import TORQUE_UNITS
 
 if TYPE_CHECKING:
     from lip_id_ros.evaluation.metrics import Evaluation
-    from lip_id_ros.evaluation.rollout import Rollouts
 
 LEAST_PERCENT = 0.0001
 WIDE = 1000  # more than any table needs
@@ -90,26 +89,6 @@ def error_table(evaluation: Evaluation, title: str = 'Errors') -> Table:
         if value is not None:
             rows.append([name, percent(value), *rest])
     return Table(title, header, rows)
-
-
-def rollout_tables(
-    rollouts: Rollouts, joint_names: Sequence[str], joint_types: Sequence[str]
-) -> list[Table]:
-    """Return the errors of simulated windows, one table for each of their lengths."""
-    units = [POSITION_UNITS[kind] for kind in joint_types]
-    tables = []
-    for k, each in enumerate(rollouts.model):
-        head = ['joint', 'travel', 'position', 'floor', 'velocity']
-        columns = [each.travel, each.position, rollouts.floor[k].position, each.velocity]
-        if rollouts.urdf is not None:
-            head += ['position, URDF', 'velocity, URDF']
-            columns += [rollouts.urdf[k].position, rollouts.urdf[k].velocity]
-        rows = [
-            (f'{name} [{unit}, {unit}/s]', *(f'{value:.3g}' for value in values))
-            for name, unit, *values in zip(joint_names, units, *columns, strict=True)
-        ]
-        tables.append(Table(f'Rollout: root mean square errors of {each.title}', head, rows))
-    return tables
 
 
 def notes(evaluation: Evaluation) -> list[str]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 import functools
 import hashlib
 from importlib.metadata import version
@@ -12,7 +10,6 @@ import logging
 import os
 from pathlib import Path
 import tempfile
-import time
 
 from lip_id_ros.files import write_whole
 
@@ -53,8 +50,6 @@ class FolderCache:
             content = path.read_bytes()
         except OSError:
             return None
-        with suppress(OSError):  # of another user, or on a disk that cannot be written
-            os.utime(path)  # when it was last of use
         if content[:CHECKSUM_BYTES] == _checksum(content[CHECKSUM_BYTES:]):
             return content[CHECKSUM_BYTES:]
         with suppress(OSError):
@@ -78,46 +73,6 @@ class FolderCache:
 
 def _checksum(content: bytes) -> bytes:
     return hashlib.blake2b(content, digest_size=CHECKSUM_BYTES).digest()
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One file of a cache."""
-
-    path: Path
-    kind: str  # of the result
-    size: int  # [bytes]
-    used: float  # when last written or read [s since 1970]
-    is_current: bool  # made and read by this version of the code
-
-
-def entries(folder: str | os.PathLike[str]) -> Iterator[Entry]:
-    """Yield the entries of a cache; those that others remove meanwhile are left out."""
-    present = code_version()
-    for path in sorted(Path(folder).glob('*/??/[0-9a-f]*.*')):
-        with suppress(FileNotFoundError):
-            status = path.stat()
-            is_current = path.parts[-3] == present
-            kind = path.suffix.removeprefix('.')
-            yield Entry(path, kind, status.st_size, status.st_mtime, is_current)
-
-
-def prune(some: Sequence[Entry]) -> int:
-    """Remove entries, and old versions' empty folders; return the bytes that were freed."""
-    freed = 0
-    for entry in some:
-        with suppress(FileNotFoundError):
-            entry.path.unlink()
-            freed += entry.size
-        for folder in () if entry.is_current else entry.path.parents[:2]:
-            with suppress(OSError):  # not empty
-                folder.rmdir()
-    return freed
-
-
-def unused_for(some: Sequence[Entry], days: float) -> list[Entry]:
-    """Return the entries that were not used for so many days."""
-    return [each for each in some if each.used < time.time() - 86400 * days]
 
 
 def default_folder() -> Path:

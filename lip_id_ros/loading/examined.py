@@ -32,8 +32,8 @@ def load_dataset(
     Parameters
     ----------
     sources : path or sequence of paths
-        Bags and CSV logs are preprocessed by the settings; data sets (.npz, or .csv with
-        accelerations) are taken as they are, but for the choice of joints and `max_samples`.
+        Bags and CSV logs are preprocessed by the settings; data sets (.npz) are taken as they are,
+        but for the choice of joints and `max_samples`.
     settings : Config
         Sections `recording` and `preprocessing` are used. With `cutoff_hz: auto` all recordings
         are read before the first is preprocessed.

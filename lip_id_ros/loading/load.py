@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.csv_table import CSV_SUFFIX, has_accelerations
+from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
 from lip_id_ros.dataset.provenance import COPIES
 from lip_id_ros.errors import ConfigError, DataError, shortened, SourceError
@@ -24,7 +24,7 @@ from lip_id_ros.recording import JointSamples, read_sources
 from lip_id_ros.recording.joint_samples import RepeatedSamples
 from lip_id_ros.recording.reading import read_log
 from lip_id_ros.recording.sketch import content_sketch, SKETCH
-from lip_id_ros.settings import AUTO, Config, PreprocessingSettings
+from lip_id_ros.settings import AUTO, Config
 
 PathLike = str | os.PathLike[str]
 
@@ -61,20 +61,8 @@ def load_dataset(
     parts: Iterable[Part] = loading.parts()
     if settings.preprocessing.cutoff_hz == AUTO:
         parts = list(parts)
-        settings = loading.select(_recordings(parts), training_share)
-    return loading.joined(parts, settings.preprocessing)
-
-
-def load_each(
-    sources: PathLike | Sequence[PathLike],
-    settings: Config,
-    preprocessing: Sequence[PreprocessingSettings],
-    progress: Progress = silent,
-) -> list[Dataset]:
-    """Load as `load_dataset` does, with each of some preprocessing settings, and read once."""
-    loading = _Loading(_paths(sources), settings, progress)
-    parts = list(loading.parts())
-    return [loading.joined(parts, each) for each in preprocessing]
+        loading.select(_recordings(parts), training_share)
+    return loading.joined(parts)
 
 
 def read_raw(source: PathLike, settings: Config) -> list[JointSamples]:
@@ -147,24 +135,21 @@ class _Loading:
             self._repeating.add(samples.source)
         return samples.select(fresh), assessed
 
-    def select(self, recordings: Sequence[JointSamples], share: float) -> Config:
+    def select(self, recordings: Sequence[JointSamples], share: float) -> None:
         """Select the preprocessing of all recordings by the first share of them."""
         selected = selected_config(recordings, self._settings, share, self._progress)
         self._settings, self._report = selected
-        return self._settings
 
-    def joined(self, parts: Iterable[Part], preprocessing: PreprocessingSettings) -> Dataset:
+    def joined(self, parts: Iterable[Part]) -> Dataset:
         """Preprocess raw samples and join all parts, of which copies are noted."""
-        data = concatenate(list(self._datasets(parts, preprocessing)))
+        data = concatenate(list(self._datasets(parts)))
         if self._copies:
             copies = [*data.provenance.get(COPIES, ()), *self._copies]
             data = replace(data, provenance={**data.provenance, COPIES: copies})
-        return at_most(data, preprocessing)
+        return at_most(data, self._settings.preprocessing)
 
-    def _datasets(
-        self, parts: Iterable[Part], preprocessing: PreprocessingSettings
-    ) -> Iterator[Dataset]:
-        settings = replace(preprocessing, max_samples=0)
+    def _datasets(self, parts: Iterable[Part]) -> Iterator[Dataset]:
+        settings = replace(self._settings.preprocessing, max_samples=0)
         for part in parts:
             if isinstance(part, Dataset):
                 yield part
@@ -183,11 +168,10 @@ class _Loading:
         data, recording = Dataset.load(path), self._settings.recording
         data = data.with_joints(self._bound(data.joint_names))
         defaults = _defaults(data)
-        if Path(path).suffix == CSV_SUFFIX or 'gravity_compensated' in defaults:
+        if 'gravity_compensated' in defaults:
             without = data.gravity_compensated or recording.gravity_compensated
             data = replace(data, gravity_compensated=without)
-        may_have_types = Path(path).suffix == CSV_SUFFIX or 'joint_types' in defaults
-        if recording.joint_types and may_have_types:
+        if recording.joint_types and 'joint_types' in defaults:
             data = replace(data, joint_types=recording.joint_types)
         fresh = self._fresh(os.fspath(path), data.joint_names, data.q, data.tau)
         if fresh.any():
@@ -235,4 +219,4 @@ def _is_bag(path: PathLike) -> bool:
 
 
 def _is_data_set(path: PathLike) -> bool:
-    return Path(path).suffix == DATASET_SUFFIX or has_accelerations(path)
+    return Path(path).suffix == DATASET_SUFFIX

@@ -38,6 +38,7 @@ class TrainNode(NodeBase):
     def __init__(self) -> None:
         super().__init__('train', train_parameters())
         check_together(self.values())
+        require_writable('unsaved_path', self._settings().unsaved_path)
         self._jobs = Jobs()
         self._reported = JobState()
         self._alarming_before = 0
@@ -54,7 +55,7 @@ class TrainNode(NodeBase):
         """
         Record what has arrived, keep what was recorded, then end the job that is running.
 
-        LipIdError if a part of the recording can be written nowhere.
+        LipIdError if a part of the recording cannot be written.
         """
         self.take_waiting(self._subscription)
         path = self._settings().unsaved_path
@@ -91,6 +92,8 @@ class TrainNode(NodeBase):
             if self._is_of_recorder(name) and len(self._recorder) > 0:
                 raise ConfigError(f'{name} cannot change while samples are kept; call clear.')
         check_together({**self.values(), **values})
+        if 'unsaved_path' in values:
+            require_writable('unsaved_path', values['unsaved_path'])
 
     def apply_change(self, values: Mapping[str, Any]) -> None:
         """Record anew where the joints or the bound of the recording changed."""
@@ -177,7 +180,7 @@ class TrainNode(NodeBase):
             parts.append('the recording has more than these')
         else:  # what is not all of the recording does not save it: it is kept when the node ends
             saved()
-        return self._answer(response, True, '; '.join([*parts, *result['rescue']]))
+        return self._answer(response, True, '; '.join(parts))
 
     def _start(
         self, kind: str, path: str
@@ -244,7 +247,7 @@ class TrainNode(NodeBase):
             self.get_logger().error(f'{job.task} failed: {job.error}')
         elif job.state == 'done':
             self.get_logger().info(f'{job.task} done: {job.result["path"]}')
-            for kind in ('rescue', 'left_out', 'cautions'):
+            for kind in ('left_out', 'cautions'):
                 for sentence in job.result.get(kind, ()):
                     self.get_logger().warning(sentence)
 

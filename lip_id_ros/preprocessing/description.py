@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.csv_table import CSV_SUFFIX, has_accelerations
+from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import Dataset, DATASET_SUFFIX
 from lip_id_ros.errors import SourceError
 from lip_id_ros.progress import Progress, silent
@@ -43,8 +43,6 @@ def describe(
     if Path(path).suffix == DATASET_SUFFIX:
         return _dataset(path, Dataset.load(path))
     if Path(path).suffix == CSV_SUFFIX:
-        if has_accelerations(path):
-            return _dataset(path, Dataset.load(path))
         recordings = [_recording(read_log(path), assess)]
         return {'file': os.fspath(path), 'kind': 'CSV log', 'recordings': recordings}
     with Bag(path) as bag:

@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 import os
 from pathlib import Path
-import tempfile
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -15,27 +14,12 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.files import is_stream, move_into_place, scratch_folder, sync, sync_folder
+from lip_id_ros.files import move_into_place, scratch_folder, sync, sync_folder
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 BAG_VERSION: Literal[8] = 8  # the newest that Humble reads too
 
 _SCRATCH = '.lip_id_ros.'
-
-
-@dataclass(frozen=True)
-class NumberTrack:
-    """The messages of one std_msgs/Float64 topic, received at times (N,) [s], not negative."""
-
-    topic: str
-    t: Array
-    values: Array
-    start_ns: ClassVar[int] = 0
-    message_type: ClassVar[str] = 'std_msgs/msg/Float64'
-
-    def message(self, types: Mapping[str, Any], stamp_ns: int, row: int) -> Any:
-        """Return one message."""
-        return types[self.message_type](data=float(self.values[row]))
 
 
 @dataclass(frozen=True)
@@ -106,7 +90,7 @@ class JointTrajectoryTrack:
         return self.positions, self.velocities, self.accelerations
 
 
-Track = NumberTrack | JointStateTrack | JointTrajectoryTrack
+Track = JointStateTrack | JointTrajectoryTrack
 
 
 def write_bag_folder(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
@@ -130,12 +114,9 @@ def write_mcap(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
     """
     Write one MCAP file, in place of any that was there; OSError if that fails.
 
-    A link is followed, the mode of an existing file is kept, a pipe or a device is written to.
+    A link is followed, the mode of an existing file is kept.
     """
-    target = (
-        Path(tempfile.gettempdir(), 'bag') if is_stream(path) else Path(os.path.realpath(path))
-    )
-    with _written_beside(target, tracks) as bag:
+    with _written_beside(Path(os.path.realpath(path)), tracks) as bag:
         (storage,) = bag.glob('*.mcap')
         move_into_place(storage, path)
 

@@ -73,12 +73,6 @@ class SampleBuffer:
         return self._last_stamp
 
     @property
-    def last_row(self) -> Array:
-        """Position, velocity and effort (3, n) of the last message taken, NaN as in a sample."""
-        row: Array = self._rows[self._size - 1]
-        return row
-
-    @property
     def seen_joints(self) -> tuple[str, ...]:
         """Joints of all messages, also of those dropped; not of an endless variety."""
         return tuple(dict.fromkeys(name for names in self._orders for name in names))

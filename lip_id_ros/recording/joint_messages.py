@@ -27,26 +27,19 @@ CONTROLLER_STATE = 'control_msgs/msg/JointTrajectoryControllerState'
 
 
 class JointMessage(NamedTuple):
-    """The joint samples of one message and their frame; velocity and effort may be empty."""
+    """The joint samples of one message; velocity and effort may be empty."""
 
     stamp_ns: int
     names: Sequence[str]
     position: Sequence[float]
     velocity: Sequence[float]
     effort: Sequence[float]
-    frame_id: str = ''
 
 
 def from_joint_state(message: Any) -> JointMessage:
     """Take the fields of a sensor_msgs/JointState."""
-    return JointMessage(
-        _stamp_ns(message),
-        message.name,
-        message.position,
-        message.velocity,
-        message.effort,
-        message.header.frame_id,
-    )
+    signals = message.position, message.velocity, message.effort
+    return JointMessage(_stamp_ns(message), message.name, *signals)
 
 
 def from_controller_state(message: Any) -> JointMessage:
@@ -328,7 +321,7 @@ def _extracted(
         try:
             message = decode(data)
             found, frame_id = extract(message), str(message.header.frame_id)
-            arrays = [np.asarray(values, np.float64) for values in found[2:5]]
+            arrays = [np.asarray(values, np.float64) for values in found[2:]]
         except (AttributeError, TypeError, ValueError):  # a bag may define a type in its own way
             continue
         is_named = all(isinstance(name, str) for name in found.names)

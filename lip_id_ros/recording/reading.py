@@ -115,6 +115,8 @@ def read_log(path: PathLike, joints: Sequence[str] = ()) -> JointSamples:
     check_columns(path, table, ['t', *(f'q_{name}' for name in names)])
     check_efforts(path, table, names)
     values, notes = _csv_signals(path, table, names)
+    if any(name.startswith('ddq_') for name in table.columns):
+        notes.append('accelerations were not read; they are computed from the positions')
     counts: Counter[str] = Counter()
     keep = usable(values, counts)
     if strange := not_finite(names, values):

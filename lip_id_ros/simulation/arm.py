@@ -87,10 +87,6 @@ class SimulatedArm:
         """Potential energy [J], shape (N,), zero where all mass is at the height of the base."""
         return self._each(self._pinocchio.computePotentialEnergy, q)
 
-    def forward_dynamics(self, q: Array, dq: Array, tau: Array) -> Array:
-        """Return accelerations (n,) of one state [rad/s^2 or m/s^2] (articulated bodies)."""
-        return np.array(self._pinocchio.aba(self._model, self._data, q, dq, tau))
-
     def changed(self, change: Callable[[Any], None]) -> SimulatedArm:
         """Copy whose pinocchio model has been changed in place by a function."""
         other = copy.copy(self)

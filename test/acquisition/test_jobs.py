@@ -94,7 +94,6 @@ def test_a_data_set_is_made_beside(jobs: Jobs, tmp_path: Path) -> None:
         'sources': [{'source': 'the recording', 'samples': 500, 'dropped': source['dropped']}],
         'left_out': [],
         'thinned': 0,
-        'rescue': [],
     }
     assert data.joint_names == ('a', 'b')
     assert jobs.state == JobState('dataset', 'done', SAVING, 0, 1, result=work.result())
@@ -305,17 +304,17 @@ def test_held_out_samples_that_are_not_explained_are_warned_of(tmp_path: Path) -
     assert any('hardly better than the mean' in sentence for sentence in result['cautions'])
 
 
-def test_a_result_whose_disk_fails_is_kept_elsewhere(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / 'samples').mkdir()
-    (tmp_path / 'spare').mkdir()
-    monkeypatch.setattr('tempfile.tempdir', str(tmp_path / 'spare'))
-    result = run_job('dataset', tmp_path / 'samples', tmp_path / 'gone' / 'data.npz')
-    (rescue,) = result['rescue']
-    assert rescue.startswith(f'{tmp_path / "gone" / "data.npz"} cannot be written (No such file')
-    assert Path(result['path']).parent.parent == tmp_path / 'spare'
-    assert Dataset.load(result['path']).n_samples == result['n_samples']
+def test_a_result_that_cannot_be_written_is_an_error_of_its_file(tmp_path: Path) -> None:
+    request, output = tmp_path / 'samples', io.StringIO()
+    request.mkdir()
+    pass_on(request, [samples(1000)])
+    asked = Task('dataset', flatten(Config()), str(tmp_path / 'gone' / 'data.npz'))
+    content = json.dumps({**asdict(asked), 'recording': str(request)})
+    assert job_process.main(io.StringIO(content), output) == 1
+    error = json.loads(output.getvalue().splitlines()[-1])['error']
+    assert (
+        error == f'{tmp_path / "gone" / "data.npz"}: No such file or directory; correct the path.'
+    )
 
 
 @pytest.mark.slow

@@ -81,24 +81,24 @@ def test_what_goes_together_is_taken(tmp_path: Path) -> None:
 
 
 def test_a_path_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
-    require_writable('model_path', str(tmp_path / 'model.npz'))
-    for path, sentence in (
-        ('', 'model_path must name a file, but is empty'),
-        (str(tmp_path), r'but .* is a folder'),
-        ('x' * 300, r"model_path must name a file, but 'x+' is none \(File name too long\)"),
-        ('a\0b', r'model_path must name a file, but .* is none \(embedded null byte\)'),
-        (str(tmp_path / 'absent' / 'model.npz'), r'a folder that exists, but .*absent does not;'),
-    ):
-        with pytest.raises(ConfigError, match=sentence):
-            require_writable('model_path', path)
+    for name in ('model_path', 'unsaved_path'):
+        require_writable(name, str(tmp_path / 'model.npz'))
+        for path, sentence in (
+            ('', f'{name} must name a file, but is empty'),
+            (
+                str(tmp_path),
+                rf'{name}: {tmp_path} cannot be written \(Is a directory\); name anoth',
+            ),
+            ('x' * 300, rf'{name}: x+ cannot be written \(File name too long\)'),
+            (str(tmp_path / 'absent' / 'm.npz'), r'absent/m.npz cannot be written \(No such file'),
+        ):
+            with pytest.raises(ConfigError, match=sentence):
+                require_writable(name, path)
 
 
-def test_a_folder_that_must_not_be_written_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr('os.access', lambda place, mode: False)  # root may write everywhere
-    with pytest.raises(ConfigError, match=r'must be writable, but .* is not; change'):
-        require_writable('model_path', str(tmp_path / 'model.npz'))
+def test_a_data_set_of_another_format_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r'^dataset_path: .*data.csv must end in .npz, the form'):
+        require_writable('dataset_path', str(tmp_path / 'data.csv'))
 
 
 @pytest.mark.parametrize('name', OUTPUTS)

@@ -227,11 +227,3 @@ def test_torques_and_energies_are_those_of_a_model_with_the_numbers(kind: str) -
         found = getattr(adapted.predict(*rows), name)
         np.testing.assert_allclose(found, getattr(model.predict(*rows), name), rtol=1e-9)
     assert np.abs(model.query(*state).tau - fitted.query(*state).tau).max() > 0.1
-
-
-def test_a_fit_with_a_residual_process_is_followed_too() -> None:
-    model = random_model('articulated')
-    adapted = AdaptedModel(model, replace(RULES, limits=np.ones(model.n_joints)))
-    changed = numbers_of(model)
-    adapted.take(Update(model.fingerprint, 1, changed, True, (0.5, 1.0)).to_text(), 0.0)
-    assert adapted.newest is model

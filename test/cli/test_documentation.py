@@ -14,8 +14,7 @@ from simulation.pendulums import swing
 
 from lip_id_ros.cli import main
 from lip_id_ros.evaluation import evaluate, run
-from lip_id_ros.evaluation.prediction_file import predicted_values, write_prediction_npz
-from lip_id_ros.evaluation.speed import CallTimes, Speed
+from lip_id_ros.evaluation.prediction import predicted_values, write_prediction
 from lip_id_ros.files import read_npz
 
 REFERENCE = Path(__file__).resolve().parents[2] / 'docs' / 'reference'
@@ -50,8 +49,6 @@ def named(text: str) -> set[str]:
         'check-plan',
         'export',
         'payload',
-        'bench',
-        'cache',
     ],
 )
 def test_options_are_those_of_the_help(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -66,14 +63,7 @@ def test_options_are_those_of_the_help(verb: str, capsys: pytest.CaptureFixture[
 
 def test_keys_of_evaluate() -> None:
     figures = evaluate(Knowing(), swing(1)).to_json()
-    # --rollout adds its own
-    assert named(section('Figures of `evaluate --json`')) == {*figures, 'rollout'}
-
-
-def test_keys_of_bench() -> None:
-    times = CallTimes(1.0, 1.0, 1.0)
-    content = Speed(times, times, times, 1.0, 1.0, 1, 1).to_json()
-    assert named(section('Figures of `bench --json`')) == set(content)
+    assert named(section('Figures of `evaluate --json`')) == set(figures)
 
 
 def test_arrays_of_a_data_set(tmp_path: Path) -> None:
@@ -85,9 +75,9 @@ def test_arrays_of_a_data_set(tmp_path: Path) -> None:
 
 def test_arrays_of_a_prediction(tmp_path: Path) -> None:
     found = predicted_values(Knowing(), run(Knowing(), swing(1)))
-    write_prediction_npz(tmp_path / 'out.npz', swing(1), found)
+    write_prediction(tmp_path / 'out.npz', swing(1), found)
     arrays, _ = read_npz(tmp_path / 'out.npz')
-    text = section('Prediction (`.npz` or `.mcap`)')
+    text = section('Prediction (`.npz`)')
     assert set(arrays) <= set(re.findall(r'`(\w+)`', text))
 
 

@@ -7,10 +7,10 @@ import json
 from pathlib import Path
 
 from cli.conftest import Capture, lip_id, Workshop
+from identification.drives import recording
 import pytest
 from simulation.pendulums import swing
 
-from benchmarks._drives import recording
 from lip_id_ros.cli import main
 from lip_id_ros.recording.bag_writer import write_bag_folder
 from lip_id_ros.simulation import write_bag

@@ -25,7 +25,7 @@ from lip_id_ros.preprocessing import for_training
 from lip_id_ros.settings import read_config
 from lip_id_ros.simulation import write_bag
 
-VERBS = ('demo', 'fit', 'evaluate', 'dataset', 'inspect', 'predict', 'check-plan', 'bench')
+VERBS = ('demo', 'fit', 'evaluate', 'dataset', 'inspect', 'predict', 'check-plan')
 
 
 @pytest.mark.slow
@@ -159,15 +159,6 @@ def test_predict_gives_the_parts_of_the_torque(workshop: Workshop, here: Path) -
     assert np.all(arrays['tau_std'] > 0)
 
 
-def test_predict_writes_mcap(workshop: Workshop, here: Path) -> None:
-    (here / 'topic.yaml').write_text('recording: {topic: /measured}')
-
-    lip_id('predict', workshop.model, workshop.other_bag, '-o', 'out.mcap')
-    lip_id('dataset', 'out.mcap', '-o', 'again.npz', '--config', 'topic.yaml')
-
-    assert Dataset.load('again.npz').joint_names == ('shoulder', 'elbow', 'wrist')
-
-
 def test_dataset_keeps_joints_and_types(workshop: Workshop, here: Path, capsys: Capture) -> None:
     lip_id('dataset', workshop.bag, workshop.other_bag, '-o', 'data.npz', '--joints', 'wrist')
 
@@ -178,15 +169,6 @@ def test_dataset_keeps_joints_and_types(workshop: Workshop, here: Path, capsys: 
     assert 'uninterrupted segments: 2' in shown
     for values, unit in ((data.q, 'rad'), (data.dq, 'rad/s'), (data.tau, 'N m')):
         assert f' {values.min():.3g} to {values.max():.3g} {unit} ' in shown
-
-
-def test_a_csv_data_set_is_a_source(workshop: Workshop, here: Path) -> None:
-    for path in ('data.npz', 'data.csv'):
-        lip_id('dataset', workshop.bag, '-o', path, '--config', workshop.settings)
-    lip_id('predict', workshop.model, 'data.csv', '-o', 'out.npz')
-
-    measured = read_npz('out.npz')[0]['tau_measured']
-    np.testing.assert_array_equal(measured, Dataset.load('data.npz').tau)
 
 
 @pytest.mark.slow
@@ -208,16 +190,6 @@ def test_fit_learns_from_what_is_nearly_at_rest(workshop: Workshop, here: Path) 
     slowest = 0.05 * np.sqrt(np.mean(np.square(data.dq), axis=0))
     assert (np.abs(data.dq) < slowest).any()
     assert model.n_samples == data.n_samples
-
-
-@pytest.mark.slow
-def test_bench_measures_and_writes(workshop: Workshop, here: Path) -> None:
-    lip_id('bench', workshop.model, '--json', 'bench.json')
-
-    figures = json.loads((here / 'bench.json').read_text())
-    assert figures['n_joints'] == 3
-    assert figures['n_samples'] == InverseDynamicsModel.load(workshop.model).n_samples
-    assert 0 < figures['one_query_us_median'] <= figures['one_query_us_p99']
 
 
 def test_help_is_quick_and_names_every_verb() -> None:
@@ -253,35 +225,16 @@ def test_every_verb_has_help_with_an_example(verb: str, capsys: Capture) -> None
     assert f'lip_id {verb} ' in capsys.readouterr().out.split('example', 1)[1]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize('target', ['-', '/dev/stdout'])
-def test_a_data_set_goes_to_standard_output_and_its_table_elsewhere(
-    workshop: Workshop, here: Path, capfdbinary: pytest.CaptureFixture[bytes], target: str
-) -> None:
-    lip_id('dataset', workshop.bag, '-o', target, '--config', workshop.settings)
-    output = capfdbinary.readouterr()
-    (here / 'data.npz').write_bytes(output.out)
-    assert Dataset.load(here / 'data.npz').joint_names == ('shoulder', 'elbow', 'wrist')
-    assert b'shoulder' in output.err
-    assert list(here.iterdir()) == [here / 'data.npz']
-
-
-@pytest.mark.slow
-def test_a_model_goes_through_a_pipe_of_the_shell(workshop: Workshop, here: Path) -> None:
-    command = f'{sys.executable} -m lip_id_ros predict {workshop.model} {workshop.bag} -o -'
-    subprocess.run(f'{command} | cat > out.npz', shell=True, check=True)
-    arrays, _ = read_npz(here / 'out.npz')
-    assert {'tau', 'tau_std', 'gravity'} <= set(arrays)
-
-
 @pytest.mark.parametrize('streams', ['>&-', '2>&- >/dev/null', '>&- 2>&-'])
 def test_closed_streams_end_no_verb(streams: str, here: Path) -> None:
-    command = f'{sys.executable} -m lip_id_ros cache --cache kept {streams}'
+    swing(1).save('data.npz')
+    command = f'{sys.executable} -m lip_id_ros inspect data.npz {streams}'
     assert subprocess.run(command, shell=True, capture_output=True, check=True).stderr == b''
 
 
 def test_a_terminal_of_few_characters_shows_escapes(here: Path) -> None:
-    command = [sys.executable, '-m', 'lip_id_ros', 'cache', '--cache', 'gelenk_\xe4']
+    swing(1).save('gelenk_\xe4.npz')
+    command = [sys.executable, '-m', 'lip_id_ros', 'inspect', 'gelenk_\xe4.npz']
     ascii_only = {**os.environ, 'PYTHONIOENCODING': 'ascii'}
     shown = subprocess.run(command, env=ascii_only, capture_output=True, check=True).stdout
     assert b'gelenk_\\xe4' in shown
@@ -291,9 +244,7 @@ def test_a_terminal_of_few_characters_shows_escapes(here: Path) -> None:
 def test_an_output_is_replaced_by_its_kind_or_with_force(workshop: Workshop, here: Path) -> None:
     for _ in range(2):
         lip_id('dataset', workshop.bag, '-o', 'data.npz')
-        lip_id('dataset', workshop.bag, '-o', 'data.csv')
         lip_id('predict', workshop.model, workshop.bag, '-o', 'p.npz')
-        lip_id('predict', workshop.model, workshop.bag, '-o', 'p.mcap')
         lip_id('evaluate', workshop.model, workshop.bag, '--json', 'e.json', '--report', 'out')
     (here / 'letter.txt').write_text('Dear all')
     lip_id('evaluate', workshop.model, workshop.bag, '--json', 'letter.txt', '--force')

@@ -6,6 +6,7 @@ from dataclasses import replace
 from io import StringIO
 import json
 import math
+from pathlib import Path
 from typing import Any
 
 from evaluation.stubs import Knowing
@@ -17,8 +18,13 @@ from simulation.pendulums import swing
 
 from lip_id_ros.errors import DataError, ModelError
 from lip_id_ros.evaluation import evaluate, matched, run, score
-from lip_id_ros.evaluation.prediction import standard_deviation
+from lip_id_ros.evaluation.prediction import (
+    predicted_values,
+    standard_deviation,
+    write_prediction,
+)
 from lip_id_ros.evaluation.tables import error_table, notes, percent, show, Table
+from lip_id_ros.files import read_npz
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 
 KEYS = {
@@ -273,3 +279,35 @@ def test_a_title_is_one_line_however_narrow_its_table() -> None:
     title = 'a title of more words than the table is wide'
     show(Table(title, ('',), [('x',)]), Console(file=printed))
     assert printed.getvalue().splitlines()[0].rstrip() == title
+
+
+def test_npz_holds_everything_predicted(tmp_path: Path) -> None:
+    data, estimator, path = swing(1), Knowing(torque_error=0.1), tmp_path / 'out.npz'
+
+    write_prediction(path, data, predicted_values(estimator, run(estimator, data)))
+
+    arrays, header = read_npz(path)
+    expected = estimator.predict(data.q, data.dq, data.ddq)
+    assert header['format'] == 'lip_id_ros prediction'
+    assert set(header['units']) == set(arrays) - {'segment', 'joint_names'}
+    for name in ('tau', 'inertial', 'coriolis', 'gravity', 'friction', 'kinetic', 'potential'):
+        np.testing.assert_array_equal(arrays[name], getattr(expected, name))
+    np.testing.assert_array_equal(arrays['tau_measured'], data.tau)
+    np.testing.assert_array_equal(arrays['t'], data.t)
+    deviation = estimator.predict(data.q, data.dq, data.ddq, return_std=True).std
+    assert deviation is not None
+    assert deviation.potential is not None
+    for name in ('tau', 'measurement', 'kinetic', 'potential'):
+        np.testing.assert_array_equal(arrays[f'{name}_std'], getattr(deviation, name))
+    assert arrays['joint_names'].tolist() == list(data.joint_names)
+
+
+def test_npz_without_potential_energy(tmp_path: Path) -> None:
+    estimator = Knowing(offset=None)
+
+    write_prediction(
+        tmp_path / 'out.npz', swing(1), predicted_values(estimator, run(estimator, swing(1)))
+    )
+
+    arrays, _ = read_npz(tmp_path / 'out.npz')
+    assert not {'potential', 'potential_std'} & set(arrays)

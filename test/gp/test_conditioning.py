@@ -92,17 +92,6 @@ def test_noise_of_a_descent_that_collapsed_is_estimated_again() -> None:
     np.testing.assert_allclose(residual.std(axis=0), true, rtol=0.25)
 
 
-@pytest.mark.parametrize('count', [1, 2, 5, 7])
-def test_few_samples_are_a_posterior(count: int) -> None:
-    rng = np.random.default_rng(0)
-    kernel = random_kernel('recursive', ARM.joint_types, False, rng)
-    motion = random_motion(ARM, count, seed=0)
-    data = dataset_of(ARM, motion, ARM.torque(*motion))
-    found, _ = conditioned(kernel, random_hyperparameters(kernel, rng), data)
-    assert found.alpha.shape == (count, 2)
-    assert 1.0 <= found.inflation < np.inf
-
-
 def test_left_out_blocks_by_their_definition() -> None:
     """Each block is predicted from the others; its own shift of that is weighed by alpha."""
     rng = np.random.default_rng(0)

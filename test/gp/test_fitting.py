@@ -90,14 +90,6 @@ def test_summary() -> None:
     assert 0.0 <= summary['seconds_optimising'] <= summary['seconds_total']
 
 
-def test_the_share_that_is_not_explained_has_no_unit() -> None:
-    first, hundredfold = (
-        quick(replace(samples(), tau=factor * samples().tau)).summary['unexplained_left_out']
-        for factor in (1.0, 100.0)
-    )
-    np.testing.assert_allclose(hundredfold, first, rtol=0.1)
-
-
 @pytest.mark.parametrize(
     ('settings', 'sentence'),
     [
@@ -114,26 +106,11 @@ def test_settings_without_use_are_named(settings: dict[str, Any], sentence: str 
     assert all(sentence in text for text in found if sentence is not None)
 
 
-def test_the_model_knows_where_it_comes_from() -> None:
-    dataset = replace(samples(), provenance={'sources': ['a.mcap']})
-    model = quick(dataset, max_samples=15)
-    assert model.provenance == {'sources': ['a.mcap'], 'n_samples_available': 40}
-    assert model.joint_names == dataset.joint_names
-    assert model.joint_types == dataset.joint_types
-    assert model.kernel == 'recursive'
-    assert model.n_joints == 2
-
-
 def test_samples_are_capped() -> None:
     model = quick(samples(), max_samples=15, subset=12)
     assert model.n_samples == 15
     rows = (samples().q[:, None] == process_of(model).states.q).all(axis=2)
     assert rows.any(axis=0).all()
-
-
-def test_the_potential_is_zero_at_the_mean_of_the_positions() -> None:
-    model = quick(samples())
-    np.testing.assert_allclose(model.potential_reference, samples().q.mean(axis=0))
 
 
 def test_alpha_solves_the_normal_equations() -> None:
@@ -144,23 +121,6 @@ def test_alpha_solves_the_normal_equations() -> None:
         process_of(model).tau.ravel(),
         atol=1e-8 * abs(process_of(model).tau).max(),
     )
-
-
-@pytest.mark.parametrize('friction', [False, True])
-def test_friction_is_switchable(friction: bool) -> None:
-    model = quick(samples(), friction=friction)
-    assert (process_of(model).prior.kernel.friction is not None) == friction
-
-
-def test_gravity_compensated_torques_have_no_potential() -> None:
-    assert quick(samples()).has_potential
-    assert not quick(replace(samples(), gravity_compensated=True)).has_potential
-
-
-def test_the_same_data_give_the_same_model() -> None:
-    first, second = quick(samples(), subset=20), quick(samples(), subset=20)
-    np.testing.assert_array_equal(process_of(first).alpha, process_of(second).alpha)
-    assert first.summary['negative_log_likelihood'] == second.summary['negative_log_likelihood']
 
 
 def test_a_joint_that_rests_is_no_obstacle() -> None:

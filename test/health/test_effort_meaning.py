@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
+from identification.drives import recording
 import numpy as np
 import pytest
 
-from benchmarks._drives import Fault, FAULTS, faulty, nothing, recording
-from lip_id_ros.health.effort_meaning import diagnose_effort, orders
+from benchmarks._arms import RandomArm
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.health.effort_meaning import diagnose_effort
 
 pytestmark = pytest.mark.slow
 
@@ -20,11 +23,35 @@ REMEDIES = {
 }
 
 
-@pytest.mark.parametrize('fault', [each for each in FAULTS if each is not nothing])
-def test_diagnosed_with_the_remedy(fault: Fault) -> None:
-    """`python -m benchmarks selections` counts more seeds."""
-    (finding,) = diagnose_effort(faulty(fault, 0))
-    assert (finding.code,) == FAULTS[fault]
+def without_gravity(arm: RandomArm, data: Dataset) -> Dataset:
+    still = np.zeros_like(data.q)
+    return replace(data, tau=data.tau - arm.torque(data.q, still, still))
+
+
+def scaled(*factors: float) -> Callable[[RandomArm, Dataset], Dataset]:
+    return lambda _, data: replace(data, tau=data.tau * factors)
+
+
+def in_order(*names: str) -> Callable[[RandomArm, Dataset], Dataset]:
+    return lambda _, data: data.with_joints(names)
+
+
+@pytest.mark.parametrize(
+    ('fault', 'code'),
+    [
+        (without_gravity, 'effort_without_gravity'),
+        (scaled(1.0, 1.0, -1.0), 'effort_sign'),
+        (scaled(-1.0, -1.0, -1.0), 'effort_sign'),
+        (in_order('a', 'c', 'b'), 'joint_order_by_torque'),
+        (in_order('c', 'b', 'a'), 'joint_order_by_torque'),
+        (scaled(0.1, 0.03, 0.055), 'effort_scale'),
+    ],
+)
+def test_diagnosed_with_the_remedy(
+    fault: Callable[[RandomArm, Dataset], Dataset], code: str
+) -> None:
+    (finding,) = diagnose_effort(fault(*recording(0, [])))
+    assert finding.code == code
     assert REMEDIES[finding.code] in finding.text
     assert finding.text.endswith('.')
     assert finding.text.count('%') == 2
@@ -37,9 +64,8 @@ def test_no_false_alarm(seed: int) -> None:
 
 
 def test_gravity_that_is_marked_as_taken_out() -> None:
-    arm, dataset = recording(0, [])
-    tau = dataset.tau - arm.gravity(dataset.q)
-    assert diagnose_effort(replace(dataset, tau=tau, gravity_compensated=True)) == ()
+    without = without_gravity(*recording(0, []))
+    assert diagnose_effort(replace(without, gravity_compensated=True)) == ()
 
 
 def test_scales_are_those_that_were_put_in() -> None:
@@ -48,11 +74,6 @@ def test_scales_are_those_that_were_put_in() -> None:
     (finding,) = diagnose_effort(replace(dataset, tau=dataset.tau * scale))
     written = finding.text.split('[')[1].split(']')[0]
     np.testing.assert_allclose([float(x) for x in written.split(',')], 1.0 / scale, rtol=0.05)
-
-
-def test_orders_that_are_tried() -> None:
-    tried = orders(('b', 'a', 'c'))
-    assert tried == [('a', 'b', 'c'), ('c', 'a', 'b'), ('b', 'c', 'a')]
 
 
 def test_positions_in_revolutions_are_found_by_links() -> None:

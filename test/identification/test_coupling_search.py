@@ -9,23 +9,18 @@ from gp.chains import ChainArm, R, random_arm
 import numpy as np
 import pytest
 
-from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch, find_placements
 from lip_id_ros.identification.coupling_search import (
     _left_out_squares,
-    EVALUATIONS,
     find_couplings,
     least_gain,
-    predicts_better,
     promising,
-    with_coupling,
 )
 from lip_id_ros.identification.fitting import fit
 from lip_id_ros.identification.folds import recurrent_folds
-from lip_id_ros.identification.kinematic_calibration import Samples
-from lip_id_ros.identification.placement_search import Calibration, calibration_at
+from lip_id_ros.identification.placement_search import calibration_at
 from lip_id_ros.progress import silent
 from lip_id_ros.rigid_body.couplings import Coupling, couplings_of, rows_of
 from lip_id_ros.settings import FitSettings
@@ -76,45 +71,6 @@ def test_efforts_of_coupled_motors_are_no_coupled_positions() -> None:
 def test_an_arm_whose_residuals_are_small_is_not_searched() -> None:
     search = ArmSearch(ArmFitter(recording(arm_of(seed=3), noise=1e-3)))
     assert promising(search, search.calibrated(0, silent)) is None
-
-
-def test_ratios_that_short_descents_order_wrongly_descend_farther(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Short descents gave -2/3 the lowest cost of a parallelogram, and farther ones -1."""
-    search = ArmSearch(ArmFitter(recording(arm_of(seed=3), noise=0.1)))
-    chain = arm_of(seed=3).chain
-    calibration = calibration_at(chain, search.search_samples())
-
-    def lowest_cost(samples: Samples, noise: Array, found: Calibration, evaluations: int) -> float:
-        (ratio,) = samples.couplings[:, 2] if samples.couplings.size else (0.0,)
-        best = -1.0 if evaluations > EVALUATIONS else -0.7
-        return float(10.0 + abs(ratio - best) + samples.couplings[:, 0].sum())
-
-    monkeypatch.setattr('lip_id_ros.identification.coupling_search._lowest_cost', lowest_cost)
-    monkeypatch.setattr('lip_id_ros.identification.coupling_search.HINT', -np.inf)
-    assert promising(search, calibration) == Coupling(1, 0, -1.0)
-
-
-def test_a_coupling_that_explains_a_little_is_judged(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a geared wrist, whose coupling halves the error of one joint: a sixth of the cost."""
-    search = ArmSearch(ArmFitter(recording(arm_of(seed=3), noise=0.1)))
-    calibration = calibration_at(arm_of(seed=3).chain, search.search_samples())
-
-    def lowest_cost(samples: Samples, *others: object) -> float:
-        return 1.0 if samples.couplings.tolist() != [[2.0, 1.0, -0.5]] else 0.85
-
-    monkeypatch.setattr('lip_id_ros.identification.coupling_search._lowest_cost', lowest_cost)
-    assert promising(search, calibration) == Coupling(2, 1, -0.5)
-
-
-@pytest.mark.slow
-def test_a_wrong_coupling_predicts_left_out_motions_worse() -> None:
-    search = ArmSearch(ArmFitter(recording(arm_of(PARALLELOGRAM, seed=3))))
-    serial = search.calibrated(0, silent)
-    for ratio, is_better in ((-1.0, True), (0.5, False)):
-        other = with_coupling(search, PARALLELOGRAM._replace(ratio=ratio))
-        assert predicts_better(other, other.recalibrated(serial), search, serial) == is_better
 
 
 @pytest.mark.slow

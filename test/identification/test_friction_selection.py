@@ -9,24 +9,24 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
-import numpy as np
-import pytest
-
-from benchmarks._drives import (
+from identification.drives import (
     coupled,
     coupled_efforts,
     JOINT,
+    LINK_STD,
     N_JOINTS,
     NOISE,
+    PLAIN,
     PRESENT,
     present,
-    random_arm,
-    RandomArm,
     recording,
     Terms,
     WIDTH,
 )
-from benchmarks.selections import LINK_STD, PLAIN
+import numpy as np
+import pytest
+
+from benchmarks._arms import random_arm, RandomArm
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.drives import Drive, DriveTerm
@@ -74,7 +74,6 @@ def plain(seed: int) -> tuple[RandomArm, Dataset, SelectedFriction]:
 
 
 def check(extra: Terms, expected: list[set[str]], seeds: Sequence[int] = SEEDS) -> None:
-    """`python -m benchmarks selections` counts more seeds."""
     others = 0
     for seed in seeds:
         arm, dataset = recording(seed, extra)
@@ -195,8 +194,8 @@ def test_widths_are_found_between_those_of_the_grid(
     width: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Other terms would make up for a wrong width, with errors that no deviation shows."""
-    monkeypatch.setattr('benchmarks._drives.WIDTH', width)
-    monkeypatch.setattr('benchmarks._drives.NOISE', 0.005)
+    monkeypatch.setattr('identification.drives.WIDTH', width)
+    monkeypatch.setattr('identification.drives.NOISE', 0.005)
     for seed in SEEDS:
         arm, dataset = recording(seed, [])
         got, names = selected(arm, dataset)

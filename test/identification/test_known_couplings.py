@@ -64,7 +64,7 @@ def test_linearised_torques_are_those_of_the_arm(couplings: tuple[Coupling, ...]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('coupling', [PARALLELOGRAM, WRIST])
+@pytest.mark.parametrize('coupling', [WRIST])
 def test_unseen_torques_and_their_deviations(coupling: Coupling) -> None:
     arm = coupled_arm(coupling)
     data = samples_of(arm)

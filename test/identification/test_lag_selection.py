@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from identification import springs
 import numpy as np
 import pytest
 
-from benchmarks import springs
-from benchmarks._drives import random_arm
+from benchmarks._arms import random_arm
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.terms import Lag
 from lip_id_ros.identification import lag_selection
@@ -26,7 +26,7 @@ JOINT, SIZE = 1, 0.1
 
 def recorded(late: bool) -> tuple[Dataset, Dataset]:
     """Return parts of a motion of an arm, without a rotor where friction may be late."""
-    data, arm = springs.simulated('none', 0, 0), random_arm(springs.N_JOINTS, 0)
+    data, arm = springs.simulated('none'), random_arm(springs.N_JOINTS, 0)
     ddq = data.ddq[:, JOINT]
     lag = SIZE * data.tau[:, JOINT].std() / ddq.std()
     tau = data.tau.copy()
@@ -36,7 +36,7 @@ def recorded(late: bool) -> tuple[Dataset, Dataset]:
 
 def without_motion(joint: int) -> Dataset:
     """Return the motion but for that of a joint, where the friction of another is late."""
-    data, arm = springs.simulated('none', 0, 0), random_arm(springs.N_JOINTS, 0)
+    data, arm = springs.simulated('none'), random_arm(springs.N_JOINTS, 0)
     moves = np.arange(springs.N_JOINTS) != joint
     state = data.q * moves, data.dq * moves, data.ddq * moves
     tau = arm.torque(*state) + 0.5 * state[1]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from identification.drives import N_JOINTS, recording
 import numpy as np
 import pytest
 
-from benchmarks._drives import N_JOINTS, recording
 from lip_id_ros.dataset import concatenate
 from lip_id_ros.identification.friction_deviations import NestedEffects
 from lip_id_ros.identification.identify import identify

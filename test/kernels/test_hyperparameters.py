@@ -34,20 +34,6 @@ def test_round_trip(at: Hyperparameters) -> None:
     np.testing.assert_allclose(back.vector(), vector, atol=1e-14)
 
 
-@given(at=hyperparameters())
-def test_every_entry_has_a_name_of_its_own(at: Hyperparameters) -> None:
-    labels = at.names()
-    assert len(labels) == len(set(labels)) == len(at.vector())
-
-
-@given(at=hyperparameters())
-def test_cosines_and_sines_are_those_of_the_factors(at: Hyperparameters) -> None:
-    labels = np.array(at.names())
-    for places, end in zip(at.cosines_and_sines(), ('1]', '2]'), strict=True):
-        expected = [x for x in labels if 'factors' in x and x.endswith(end)]
-        assert sorted(labels[places]) == sorted(expected)
-
-
 def test_a_name_tells_the_entry() -> None:
     rng = np.random.default_rng(0)
     at = random_hyperparameters(random_kernel('lip', (R, P), True, rng), rng)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 import shutil
 
@@ -14,9 +13,7 @@ from simulation.pendulums import swing
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.loading import load_dataset
-from lip_id_ros.loading.load import load_each
 from lip_id_ros.recording.joint_samples import content_digest, RepeatedSamples, WINDOW
-from lip_id_ros.settings import Config, PreprocessingSettings
 from lip_id_ros.simulation import write_bag
 
 NAMES = ('a', 'b')
@@ -99,27 +96,3 @@ def test_no_copy_is_on_both_sides_of_a_split(tmp_path: Path, share: float) -> No
     shutil.copytree(tmp_path / 'run', tmp_path / 'copy')
     training, held_out = load_dataset([tmp_path / 'run', tmp_path / 'copy']).split(1 - share)
     assert not {q.tobytes() for q in training.q} & {q.tobytes() for q in held_out.q}
-
-
-def test_recordings_that_are_read_once_are_as_if_read_for_each_of_some_settings(
-    tmp_path: Path,
-) -> None:
-    paths = [tmp_path / 'run', tmp_path / 'renamed', tmp_path / 'other']
-    write_bag(paths[0], swing(1, rate=50.0), start=1.7e9)
-    shutil.copytree(paths[0], paths[1])
-    write_bag(paths[2], swing(2, rate=50.0), start=1.7e9)
-    usual = PreprocessingSettings(max_samples=100)
-    settings = usual, replace(usual, decimate=1, max_samples=0)
-    stages = list[str]()
-
-    def progress(stage: str, done: int, total: int) -> None:
-        if done == 0 and stage.startswith('reading'):
-            stages.append(stage)
-
-    found = load_each(paths, Config(), settings, progress)
-    assert len(stages) == len(set(stages))
-    for each, preprocessing in zip(found, settings, strict=True):
-        alone = load_dataset(paths, Config(preprocessing=preprocessing))
-        for name in ('t', 'q', 'dq', 'ddq', 'tau', 'segment', 'recording'):
-            np.testing.assert_array_equal(getattr(each, name), getattr(alone, name))
-        assert each.provenance == alone.provenance

@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recording.bag_files import State, STEP_NS, write_mcap
+from recording.bag_files import JOINT_STATE, State, state_bytes, STEP_NS, write_mcap
 
-from benchmarks.long_recording import write
 import lip_id_ros
 from lip_id_ros.health import evidence_of, health
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import describe, preprocess
 from lip_id_ros.recording import read_bag
+from lip_id_ros.recording.bag_writer import RawBag
 from lip_id_ros.settings import PreprocessingSettings
 
 MOST_MODULES = 16
@@ -84,7 +84,7 @@ def test_few_modules_and_types_hold_a_value(tmp_path: Path) -> None:
 
 SHORT, LONG = 30_000, 60_000
 MOST_BYTES = 8.0
-"""For each message: some marks of a byte; of a data set, one sample in 100 of 7 joints too."""
+"""For each message: some marks of a byte; of a data set, one sample in 100 of 5 joints too."""
 BOUNDS = {
     'recording.spill.LARGE_BYTES': 10_000,
     'recording.spill.BLOCK_ROWS': 1000,
@@ -102,6 +102,23 @@ BOUNDS = {
     'health.motion.MOST_SAMPLES': 6000,
 }
 """Lower, so that short recordings are long beside them."""
+
+
+def write(path: Path, count: int) -> None:
+    """Write joint states at 1 kHz, whose numbers are put into the bytes of one message."""
+    marks = [np.full(len(NAMES), value) for value in (1.5, 2.5, 3.5)]
+    content = state_bytes(State(0, *(mark.tolist() for mark in marks), NAMES))
+    message, joint = bytearray(content), np.arange(len(NAMES))
+    places = [content.index(mark.tobytes()) for mark in marks]
+    with RawBag(path, {'/joint_states': JOINT_STATE}) as bag:
+        for k in range(count):
+            message[4:12] = np.array(divmod(k * 1_000_000, 10**9), '<u4').tobytes()
+            phase = 1e-3 * k * (1.0 + 0.37 * joint) + joint
+            for place, values in zip(
+                places, (np.sin(phase), np.cos(phase), np.sin(2.0 * phase)), strict=True
+            ):
+                message[place : place + values.nbytes] = values.tobytes()
+            bag.write('/joint_states', k * 1_000_000, bytes(message))
 
 
 def described(path: Path) -> object:

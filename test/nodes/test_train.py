@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.nodes import messages, qos
-from lip_id_ros.recording import Bag, read_bag, read_sources
+from lip_id_ros.recording import read_bag, read_sources
 from lip_id_ros.settings import RecordingSettings
 
 if TYPE_CHECKING:
@@ -139,31 +139,6 @@ def test_what_was_recorded_outlives_the_node(ros: Ros, tmp_path: Path, number: i
         [tmp_path / 'kept.mcap'], RecordingSettings(joints=('shoulder', 'elbow'))
     )
     np.testing.assert_array_equal(samples.position, toy.motion(50)[1])
-
-
-def test_a_kept_bag_has_frames_and_other_joints_as_they_came(ros: Ros, tmp_path: Path) -> None:
-    graph, client = ros
-    train = graph.start('train', record_on_start=True, recording__joints=list(toy.JOINTS))
-    sent = []
-    for row in range(60):
-        names = ['finger', *toy.JOINTS] if row % 2 else [*toy.JOINTS[::-1], 'finger', 'wheel']
-        values = [0.1 * row + number for number in range(len(names))]
-        effort = [] if row % 3 else values
-        message = joint_state(row, name=names, position=values, velocity=values, effort=effort)
-        message.header.frame_id = f'base {row % 5}'
-        sent.append(message)
-    publish_all(client, sent)
-    client.status('train', lambda status: status['rows'] == 60)
-    assert train.end() == 0, train.log
-    with Bag(tmp_path / 'unsaved.mcap') as bag:
-        found = [fields(each) for _, each in bag.messages('/joint_states')]
-    assert found == [fields(each) for each in sent]
-
-
-def fields(message: Any) -> list[Any]:
-    header, arrays = message.header, ('name', 'position', 'velocity', 'effort')
-    stamp = header.stamp.sec, header.stamp.nanosec
-    return [stamp, header.frame_id, *(list(getattr(message, each)) for each in arrays)]
 
 
 BUSY = """

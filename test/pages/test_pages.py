@@ -23,16 +23,12 @@ import pytest
 from simulation.pendulums import swing
 from waiting import run_to_end
 
-from benchmarks.comparison import Case, compare, Store, thinned
-from benchmarks.comparison.report import write_comparison
-from benchmarks.tests.methods import Scaled
 from lip_id_ros.evaluation import run, score
 from lip_id_ros.evaluation.report import band, Labels, write_report
 from lip_id_ros.evaluation.report.recording_report import write_recording_report
 from lip_id_ros.excitation.report import write_motion_report
 from lip_id_ros.fleet.report import write_fleet_report
 from lip_id_ros.health import evidence_of, health
-from lip_id_ros.settings import FitSettings
 
 pytestmark = pytest.mark.slow
 
@@ -79,22 +75,9 @@ def motion(folder: Path) -> Path:
     return write_motion_report(folder, designed)
 
 
-def comparison(folder: Path) -> Path:
-    methods = {f'method_{number}': Scaled(number / 4) for number in range(9)}
-    cases = [
-        Case(f'{n} samples', f'{n} samples', thinned(swing(0), n), {'a': swing(1)})
-        for n in (20, 40)
-    ]
-    store = Store(folder / 'cells')
-    results = compare(
-        cases, list(methods), FitSettings(), store, make=lambda name, _: methods[name]
-    )
-    return write_comparison(folder, 'Title', cases, results, store, LABELS.facts)
-
-
 @pytest.mark.parametrize(
     ('write', 'count'),
-    [(evaluation, 6), (recording, 2), (comparison, 4), (motion, 3)],
+    [(evaluation, 6), (recording, 2), (motion, 1)],
 )
 def test_every_figure_is_shown_without_a_network(
     tmp_path: Path, write: Callable[[Path], Path], count: int
@@ -187,7 +170,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ('index', 'lip_id_ros', 0),
         ('tutorials/first-model', 'A first model in five minutes', 1),
         ('how-to/read-a-report', 'Read a report', 1),
-        ('explanation/how-it-works', 'How it works', 1),
         ('reference/api', 'Python API', 0),
     ],
 )

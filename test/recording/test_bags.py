@@ -16,7 +16,9 @@ from recording.bag_files import moving, write_folder, write_raw
 
 from lip_id_ros.errors import SourceError
 from lip_id_ros.recording import Bag, Topic
-from lip_id_ros.recording.bag_writer import NumberTrack, write_mcap
+from lip_id_ros.recording.bag_writer import JointStateTrack, write_mcap
+
+TRACK = JointStateTrack('/x', ['a'], np.arange(3.0), np.zeros((3, 1)))
 
 
 def odd_bag(folder: Path, definition: str) -> Path:
@@ -55,14 +57,6 @@ def test_unreadable_definition_is_reported(tmp_path: Path) -> None:
         list(bag.messages('/odd'))
 
 
-def test_real_ros1_bag_of_a_type_outside_the_standard_ones(shared_data: Path) -> None:
-    with Bag(shared_data / 'tiago_ros1_jtc_state' / 'arm_jointstate.bag') as bag:
-        (topic,) = bag.topics
-        messages = [message for _, message in bag.messages(topic.name)]
-    assert len(messages) == topic.count == 2206
-    assert len(messages[0].actual.positions) == 7
-
-
 def test_what_a_killed_write_left_is_removed_by_the_next(tmp_path: Path) -> None:
     target = tmp_path / 'a.mcap'
     program = (
@@ -77,7 +71,7 @@ def test_what_a_killed_write_left_is_removed_by_the_next(tmp_path: Path) -> None
     os.utime(left, (0, 0))
     foreign = tmp_path / '.a.mcap.mine'
     foreign.mkdir()
-    write_mcap(target, [NumberTrack('/x', np.arange(3.0), np.zeros(3))])
+    write_mcap(target, [TRACK])
     assert not left.exists()
     assert sorted(tmp_path.iterdir()) == [foreign, target]
 
@@ -89,7 +83,7 @@ def test_a_bag_is_written_where_there_are_no_locks(
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     monkeypatch.setattr(fcntl, 'flock', unsupported)
-    write_mcap(tmp_path / 'a.mcap', [NumberTrack('/x', np.arange(3.0), np.zeros(3))])
+    write_mcap(tmp_path / 'a.mcap', [TRACK])
     assert [path.name for path in tmp_path.iterdir()] == ['a.mcap']
 
 
@@ -97,7 +91,7 @@ def test_mcap_keeps_links_and_modes(tmp_path: Path) -> None:
     target, link = tmp_path / 'a.mcap', tmp_path / 'link.mcap'
     target.touch(mode=0o600)
     link.symlink_to(target)
-    write_mcap(link, [NumberTrack('/x', np.arange(3.0), np.zeros(3))])
+    write_mcap(link, [TRACK])
     assert link.is_symlink()
     assert target.stat().st_mode & 0o777 == 0o600
     with Bag(target) as bag:

@@ -70,17 +70,6 @@ def test_an_arm_and_its_mirror_image_have_the_same_torques(arm: str, seed: int) 
         np.testing.assert_allclose(other, one, rtol=0, atol=1e-11 * max(1.0, np.abs(one).max()))
 
 
-def test_the_first_axis_points_up() -> None:
-    rng = np.random.default_rng(0)
-    chain = random_chain('RRR', rng)
-    down = Rotation.from_euler('x', 170, degrees=True).as_matrix()
-    rotations = np.concatenate([down[None], chain.rotations[1:]])
-    moved, _ = with_standard_frames(
-        chain._replace(rotations=rotations), np.zeros((3, LINK_PARAMETERS))
-    )
-    assert moved.rotations[0, 2, 2] == pytest.approx(np.cos(np.radians(10.0)))
-
-
 def composed(found: DenavitHartenberg) -> Chain:
     x, y, z = np.eye(3)
     turns = Rotation.from_rotvec(np.outer(found.twist, x))

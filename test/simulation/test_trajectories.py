@@ -52,19 +52,6 @@ def test_limits_are_kept_and_one_of_each_joint_is_reached(seed: int) -> None:
     assert np.all(reach.max(axis=0) > 0.99)
 
 
-def test_same_seed_same_motion() -> None:
-    t = np.array([1.0, 2.0])
-    np.testing.assert_array_equal(random(3).sample(t), random(3).sample(t))
-    assert not np.allclose(random(3).sample(t), random(4).sample(t))
-
-
-def test_repeats_after_its_period_and_not_before() -> None:
-    first = random(2).sample(np.array([1.0]))
-    np.testing.assert_allclose(first, random(2).sample(np.array([51.0])), atol=1e-9)
-    for fraction in (2, 3, 5):
-        assert not np.allclose(first, random(2).sample(np.array([1.0 + 50.0 / fraction])))
-
-
 def test_limits_of_the_first_joints() -> None:
     first = MOTION.first(3)
     for name in ('q_min', 'q_max', 'dq_max', 'ddq_max'):

@@ -15,8 +15,7 @@ from lip_id_ros.evaluation.prediction import Outcome
 from lip_id_ros.evaluation.report import figures
 from lip_id_ros.evaluation.report.figures import Band
 from lip_id_ros.evaluation.report.page import drawn, Picture, write_page
-from lip_id_ros.evaluation.rollout import Rollouts
-from lip_id_ros.evaluation.tables import error_table, notes, rollout_tables
+from lip_id_ros.evaluation.tables import error_table, notes
 from lip_id_ros.model import Prediction
 from lip_id_ros.progress import Progress, silent
 
@@ -32,9 +31,6 @@ CAPTIONS = {
     'torque_split': 'The predicted torque is the sum of these parts.',
     'friction': 'Measured torque without that of the links (grey) and predicted friction (red), '
     'over the velocity of each joint. Friction can depend on load, position and acceleration too.',
-    'rollout': 'Root mean square errors of simulated positions, driven by the measured torques '
-    'and a weak feedback, beside how far the joints travelled (grey); the axes are logarithmic. '
-    'The table has the floor: what remains of the errors with exact torques.',
 }
 
 
@@ -54,12 +50,8 @@ def write_report(
     band: Band | None,
     labels: Labels,
     progress: Progress = silent,
-    rollouts: Rollouts | None = None,
 ) -> Path:
     """Write PNG plots and index.html, which embeds them and needs no network; return the page."""
-    pictures = _pictures(outcome, evaluation, band, progress, rollouts)
-    names, types = evaluation.joint_names, evaluation.joint_types
-    simulated = rollout_tables(rollouts, names, types) if rollouts else []
     return write_page(
         folder,
         labels.title,
@@ -67,17 +59,12 @@ def write_report(
         [*evaluation_cautions(evaluation), *labels.warnings],
         [error_table(evaluation)],
         notes(evaluation),
-        pictures,
-        simulated,
+        _pictures(outcome, evaluation, band, progress),
     )
 
 
 def _pictures(
-    outcome: Outcome,
-    evaluation: Evaluation,
-    band: Band | None,
-    progress: Progress,
-    rollouts: Rollouts | None,
+    outcome: Outcome, evaluation: Evaluation, band: Band | None, progress: Progress
 ) -> list[Picture]:
     predicted = outcome.prediction
     drawings: dict[str, tuple[str, Callable[[], Figure]]] = {
@@ -94,8 +81,6 @@ def _pictures(
         title = 'Parts of the predicted torque'
         drawings['torque_split'] = title, lambda: figures.split(outcome, predicted)
         drawings['friction'] = 'Friction', lambda: figures.friction(outcome, predicted)
-    if rollouts is not None:
-        drawings['rollout'] = 'Rollout', lambda: figures.rollout(rollouts, evaluation.joint_names)
     return drawn(
         [(name, title, CAPTIONS[name], draw) for name, (title, draw) in drawings.items()],
         progress,

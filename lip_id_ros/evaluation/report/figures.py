@@ -1,14 +1,12 @@
-"""The plots of an evaluation: torques, residuals, parts, energies, errors and rollouts."""
+"""The plots of an evaluation: torques, residuals, parts, energies and errors."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
 import numpy as np
 
 from lip_id_ros.arrays import Array, IntArray
@@ -17,7 +15,6 @@ from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.metrics import Evaluation
 from lip_id_ros.evaluation.prediction import Outcome, standard_deviation
 from lip_id_ros.evaluation.report import style
-from lip_id_ros.evaluation.rollout import Rollouts
 from lip_id_ros.joint_types import POSITION_UNITS
 from lip_id_ros.model import DynamicsModel, Prediction, TorqueModel
 from lip_id_ros.progress import Progress, silent
@@ -183,38 +180,6 @@ def errors(evaluation: Evaluation) -> Figure:
     panel.invert_yaxis()
     panel.grid(visible=False, axis='y')
     panel.set_xlabel('normalised mean squared error [%]')
-    return figure
-
-
-def rollout(rollouts: Rollouts, joint_names: Sequence[str]) -> Figure:
-    """Draw errors of simulated positions as bars, one panel for each length of windows."""
-    rows = np.arange(len(joint_names))
-    height = 0.62 * len(rows) + style.LEGEND_HEIGHT + 1.2
-    figure = style.new_figure(height)
-    panels = style.grid(figure, len(rollouts.model), len(rollouts.model))
-    for k, (panel, model) in enumerate(zip(panels, rollouts.model, strict=True)):
-        bars = [
-            ('travel', model.travel, style.MEASURED),
-            ('model', model.position, style.PREDICTED),
-        ]
-        if rollouts.urdf is not None:
-            bars.insert(1, ('URDF', rollouts.urdf[k].position, style.RESIDUAL))
-        for place, (label, values, color) in enumerate(bars):
-            at = rows + 0.8 * ((place + 0.5) / len(bars) - 0.5)
-            drawn = panel.barh(at, values, height=0.7 / len(bars), color=color, label=label)
-            panel.bar_label(drawn, labels=[f'{value:.2g}' for value in values], padding=3)
-        panel.set_title(model.title, loc='left', fontsize=11)
-        panel.set_yticks(rows, [for_plot(name) for name in joint_names] if k == 0 else [])
-        panel.set_xscale('log')
-        panel.xaxis.set_minor_formatter(NullFormatter())  # the bars have numbers
-        panel.margins(x=0.2)
-        panel.invert_yaxis()
-        panel.grid(visible=False, axis='y')
-    figure.supxlabel(
-        'root mean square of position [rad or m]', fontsize=style.SETTINGS['font.size']
-    )
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc='upper center', ncol=len(labels))
     return figure
 
 
