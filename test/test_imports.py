@@ -140,7 +140,7 @@ FOREIGN = {
         'fleet/stored_files',
         'nodes/set_payload',
     ),
-    'pinocchio': ('simulation', 'export/check', 'excitation/self_collision'),
+    'pinocchio': ('simulation', 'excitation/self_collision'),
     'mujoco': ('export/mjcf',),
     'example_robot_data': ('simulation',),
     'matplotlib': ('adaptation/report', 'evaluation/report', 'excitation/report'),
