@@ -111,10 +111,6 @@ PARTS |= {
     'nodes': INNER - {'simulation'} | {'acquisition'},
     'cli': INNER,
     'demo': {'dataset', 'nodes', 'recording', 'settings', 'signals', 'simulation'},
-    'parameter_page': {
-        *('acquisition', 'adaptation', 'control', 'demo', 'excitation', 'feedforward'),
-        *('monitoring', 'settings'),
-    },
 }
 
 ROS = ('nodes', 'demo')
