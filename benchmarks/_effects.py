@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import NamedTuple
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -20,30 +19,12 @@ class Drives:
     """
     Friction, rotors, gears and motor currents of all joints; every field has shape (n,).
 
-    Attributes
-    ----------
-    viscous : ndarray
-        [N m s/rad].
-    coulomb, stiction : ndarray
-        Friction of a fast joint without load, and what is added to it near rest [N m].
-    load_coulomb, load_stiction : ndarray
-        Friction for each N m that the gear carries: of a fast joint, and near rest.
-    stribeck_speed : ndarray
-        Speed at which the added part has fallen by 1/e [rad/s].
-    uneven : ndarray
-        Share by which friction varies within a turn.
-    drift : ndarray
-        Largest share by which viscous friction differs from one recording to the next.
-    rotor : ndarray
-        Inertia of the rotor, seen through the gear [kg m^2].
-    ripple : ndarray
-        Amplitude of the torque that repeats in a turn [N m].
-    ripple_periods : ndarray
-        How often it does.
-    stiffness : ndarray
-        Of the gear [N m/rad].
-    gain : ndarray
-        Recorded over true torque.
+    `viscous` [N m s/rad]. `coulomb`: friction of a fast joint without load, `stiction`: what is
+    added to it near rest [N m], which has fallen by 1/e at `stribeck_speed` [rad/s];
+    `load_coulomb`, `load_stiction`: the same for each N m that the gear carries. `uneven`: share
+    by which friction varies within a turn. `rotor`: inertia, seen through the gear [kg m^2].
+    `ripple`: torque that repeats `ripple_periods` times a turn [N m]. `stiffness`: of the gear
+    [N m/rad]. `gain`: recorded over true torque.
 
     """
 
@@ -54,7 +35,6 @@ class Drives:
     load_stiction: Array
     stribeck_speed: Array
     uneven: Array
-    drift: Array
     rotor: Array
     ripple: Array
     ripple_periods: Array
@@ -64,11 +44,6 @@ class Drives:
     def first(self, n_joints: int) -> Drives:
         """Keep the drives of the first joints."""
         return Drives(*(getattr(self, field.name)[:n_joints] for field in fields(self)))
-
-    def at_some_temperature(self, rng: np.random.Generator) -> Drives:
-        """Return the drives as they are during one recording."""
-        change = self.drift * rng.uniform(-1.0, 1.0, self.drift.shape)
-        return replace(self, viscous=self.viscous * (1.0 + change))
 
     def friction(self, q: Array, dq: Array, load: Array) -> Array:
         """Return the torque of friction [N m] under the load of the links [N m], all (N, n)."""
@@ -98,7 +73,6 @@ MILD = Drives(
     load_stiction=_same(0.0),
     stribeck_speed=_same(0.05),
     uneven=_same(0.0),
-    drift=_same(0.0),
     rotor=np.array([0.6, 0.6, 0.5, 0.4, 0.2, 0.2, 0.1]),
     ripple=np.array([0.3, 0.3, 0.2, 0.2, 0.1, 0.05, 0.05]),
     ripple_periods=_same(12.0),
@@ -117,7 +91,6 @@ INDUSTRIAL = Drives(
     load_stiction=_same(0.126),
     stribeck_speed=_same(0.1),
     uneven=_same(0.1),
-    drift=_same(0.15),
     rotor=MILD.rotor,
     ripple=0.01 * LARGEST,
     ripple_periods=_same(200.0),
@@ -127,42 +100,14 @@ INDUSTRIAL = Drives(
 """A geared arm whose torques are motor currents; comparison.md has the sources."""
 
 
-class Run(NamedTuple):
+def driven(
+    arm: Dynamics, drives: Drives, link: JointMotion, step_s: float
+) -> tuple[JointMotion, Array]:
     """
-    What happens along a motion at even times, each array (N, n), energies (N,).
+    Follow a motion of the links (N, n) that is one period long, sampled every `step_s`.
 
-    Attributes
-    ----------
-    motor : JointMotion
-        What encoders see.
-    tau : ndarray
-        Torque of the motors as recorded, without noise [N m].
-    kinetic, potential : ndarray
-        [J]; the kinetic energy with that of the rotors, the potential one of the links.
-
-    """
-
-    motor: JointMotion
-    tau: Array
-    kinetic: Array
-    potential: Array
-
-
-def driven(arm: Dynamics, drives: Drives, link: JointMotion, step_s: float) -> Run:
-    """
-    Follow a motion of the links that is one period long.
-
-    The gears bend by load / stiffness, which leaves out only what friction and ripple bend them.
-
-    Parameters
-    ----------
-    arm : Dynamics
-        Links without drives.
-    drives : Drives
-    link : JointMotion
-        Exact positions, velocities and accelerations of the links, each (N, n).
-    step_s : float
-        Between samples [s].
+    What encoders see, and torques of the motors as recorded, without noise [N m]. The gears bend
+    by load / stiffness, which leaves out only what friction and ripple bend them.
 
     """
     load = arm.inverse_dynamics(*link)
@@ -171,13 +116,7 @@ def driven(arm: Dynamics, drives: Drives, link: JointMotion, step_s: float) -> R
     q, dq, ddq = (
         x + y for x, y in zip(link, (bend, rate, _derivative(rate, step_s)), strict=True)
     )
-    rotors = 0.5 * np.square(dq) @ drives.rotor
-    return Run(
-        motor=(q, dq, ddq),
-        tau=drives.torque((q, dq, ddq), load),
-        kinetic=np.asarray(arm.kinetic(link[0], link[1]) + rotors),
-        potential=arm.potential(link[0]),
-    )
+    return (q, dq, ddq), drives.torque((q, dq, ddq), load)
 
 
 def _derivative(values: Array, step_s: float) -> Array:

@@ -25,20 +25,18 @@ def geometric_mean(row: Row) -> float:
     return float(np.exp(np.log(row['nmse']).mean()))
 
 
+def short(value: float) -> str:
+    """Return a percentage as the tables have it."""
+    return f'{value:.2g}' if value < 99.5 else f'{value:.0f}'
+
+
+def line(*cells: str) -> str:
+    """Return a row of a table in Markdown."""
+    return f'| {" | ".join(cells)} |'
+
+
 class Results:
-    """
-    Rows by name, in a JSON file that is written after each measurement.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file, which need not exist.
-
-    Attributes
-    ----------
-    rows : dict
-
-    """
+    """Rows by name, in a JSON file that is written after each measurement; it need not exist."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

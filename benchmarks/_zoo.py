@@ -47,47 +47,30 @@ class ZooArm:
     last: str
 
 
-ZOO: dict[str, ZooArm] = {
-    'UR3': ZooArm('ur_description/urdf/ur3_robot.urdf', 'shoulder_pan_joint', 'wrist_3_joint'),
-    'UR5': ZooArm('ur_description/urdf/ur5_robot.urdf', 'shoulder_pan_joint', 'wrist_3_joint'),
-    'UR10': ZooArm('ur_description/urdf/ur10_robot.urdf', 'shoulder_pan_joint', 'wrist_3_joint'),
-    'Kinova': ZooArm(
-        'kinova_description/robots/kinova.urdf', 'j2s6s200_joint_1', 'j2s6s200_joint_6'
-    ),
-    'xArm7': ZooArm('xarm_description/urdf/xarm7.urdf', 'joint1', 'joint7'),
-    'Z1': ZooArm('z1_description/urdf/z1.urdf', 'joint1', 'joint6'),
-    'SO-101': ZooArm('so_arm_description/urdf/so101.urdf', 'shoulder_pan', 'wrist_roll'),
-    'TALOS': ZooArm(
-        'talos_data/robots/talos_reduced.urdf', 'arm_left_1_joint', 'arm_left_7_joint'
-    ),
-    'Baxter': ZooArm('baxter_description/urdf/baxter.urdf', 'left_s0', 'left_w2'),
-    'TIAGo Pro': ZooArm(
-        'tiago_pro_description/robots/tiago_pro.urdf', 'arm_left_1_joint', 'arm_left_7_joint'
-    ),
-    'PR2': ZooArm('pr2_description/urdf/pr2.urdf', 'l_shoulder_pan_joint', 'l_wrist_roll_joint'),
-    'iCub': ZooArm('icub_description/robots/icub_reduced.urdf', 'l_shoulder_pitch', 'l_wrist_yaw'),
-    'Romeo': ZooArm('romeo_description/urdf/romeo_small.urdf', 'LShoulderPitch', 'LWristPitch'),
-    'CENTAURO': ZooArm('centauro_description/urdf/centauro.urdf', 'j_arm1_1', 'j_arm1_6'),
-    'Alex': ZooArm(
-        'alex_description/urdf/alex_nub_hands.urdf', 'LeftShoulderPitch', 'LeftGripperYaw'
-    ),
-    'G1, leg': ZooArm(
-        'g1_description/urdf/g1_29dof_rev_1_0.urdf',
-        'left_hip_pitch_joint',
-        'left_ankle_roll_joint',
-    ),
-    'Allegro, finger': ZooArm(
-        'allegro_hand_description/urdf/allegro_right_hand.urdf', 'joint_0.0', 'joint_3.0'
-    ),
-    'Finger Edu': ZooArm(
-        'finger_edu_description/robots/finger_edu.urdf',
-        'finger_base_to_upper_joint',
-        'finger_middle_to_lower_joint',
-    ),
-    'TIAGo, torso': ZooArm(
-        'tiago_description/robots/tiago_no_hand.urdf', 'torso_lift_joint', 'arm_7_joint'
-    ),
-}
+TABLE = """
+UR3 | ur_description/urdf/ur3_robot | shoulder_pan_joint | wrist_3_joint
+UR5 | ur_description/urdf/ur5_robot | shoulder_pan_joint | wrist_3_joint
+UR10 | ur_description/urdf/ur10_robot | shoulder_pan_joint | wrist_3_joint
+Kinova | kinova_description/robots/kinova | j2s6s200_joint_1 | j2s6s200_joint_6
+xArm7 | xarm_description/urdf/xarm7 | joint1 | joint7
+Z1 | z1_description/urdf/z1 | joint1 | joint6
+SO-101 | so_arm_description/urdf/so101 | shoulder_pan | wrist_roll
+TALOS | talos_data/robots/talos_reduced | arm_left_1_joint | arm_left_7_joint
+Baxter | baxter_description/urdf/baxter | left_s0 | left_w2
+TIAGo Pro | tiago_pro_description/robots/tiago_pro | arm_left_1_joint | arm_left_7_joint
+PR2 | pr2_description/urdf/pr2 | l_shoulder_pan_joint | l_wrist_roll_joint
+iCub | icub_description/robots/icub_reduced | l_shoulder_pitch | l_wrist_yaw
+Romeo | romeo_description/urdf/romeo_small | LShoulderPitch | LWristPitch
+CENTAURO | centauro_description/urdf/centauro | j_arm1_1 | j_arm1_6
+Alex | alex_description/urdf/alex_nub_hands | LeftShoulderPitch | LeftGripperYaw
+G1, leg | g1_description/urdf/g1_29dof_rev_1_0 | left_hip_pitch_joint | left_ankle_roll_joint
+Allegro, finger | allegro_hand_description/urdf/allegro_right_hand | joint_0.0 | joint_3.0
+Finger Edu | finger_edu_description/robots/finger_edu |\
+ finger_base_to_upper_joint | finger_middle_to_lower_joint
+TIAGo, torso | tiago_description/robots/tiago_no_hand | torso_lift_joint | arm_7_joint
+"""
+ROWS = [row.split(' | ') for row in TABLE.strip().splitlines()]
+ZOO = {name: ZooArm(f'{urdf}.urdf', first, last) for name, urdf, first, last in ROWS}
 """By the names that the page has for them."""
 
 
@@ -190,13 +173,9 @@ class SimulatedZooArm:
     """Rigid links of a URDF with rotors (n,) [kg m^2 or kg] and friction."""
 
     def __init__(self, arm: SerialArm, rotors: Array, friction: ZooFriction) -> None:
-        self.joint_names, self.joint_types = (
-            arm.description.joint_names,
-            arm.description.joint_types,
-        )
-        self.friction = friction
-        self._chain = arm.description.chain
-        links = arm.description.links
+        described, self.friction = arm.description, friction
+        self.joint_names, self.joint_types = described.joint_names, described.joint_types
+        self._chain, links = described.chain, described.links
         links[:, -1] = rotors
         self._links = links.ravel()
 
@@ -248,18 +227,17 @@ def drawn(
     rng = np.random.default_rng([seed, crc32(arm.description.text.encode())])
     unseen = random_motion(arm.limits, rng)
     simulated = _with_drives(arm, unseen, rng)
-    periodic = motion == 'periodic'
-    seen = (_periodic_motion if periodic else random_motion)(arm.limits, rng)
+    seen = _motion(arm.limits, rng, PERIOD_S if motion == 'periodic' else SECONDS)
     return simulated, seen, unseen, rng
 
 
 def random_motion(limits: MotionLimits, rng: np.random.Generator) -> SinusoidTrajectory:
     """Draw a motion that takes the minute before it repeats."""
-    return SinusoidTrajectory.random(limits, rng, round(FASTEST_HZ * SECONDS), 1.0 / SECONDS)
+    return _motion(limits, rng, SECONDS)
 
 
-def _periodic_motion(limits: MotionLimits, rng: np.random.Generator) -> SinusoidTrajectory:
-    return SinusoidTrajectory.random(limits, rng, round(FASTEST_HZ * PERIOD_S), 1.0 / PERIOD_S)
+def _motion(limits: MotionLimits, rng: np.random.Generator, period_s: float) -> SinusoidTrajectory:
+    return SinusoidTrajectory.random(limits, rng, round(FASTEST_HZ * period_s), 1.0 / period_s)
 
 
 def _with_drives(

@@ -19,11 +19,10 @@ from pathlib import Path
 import time
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
+from benchmarks._cells import show
 from benchmarks._panda import half_ranges
 from benchmarks._results import Results, Row
 from lip_id_ros.arrays import Array, BoolArray
@@ -45,8 +44,8 @@ NOISE = 0.02
 CORRELATED = 2.0
 """Deviation of the filter of correlated noise, in samples."""
 
-ASKEW, ASIDE = np.radians(1.0), 0.01
-"""Deviations of axes from where they are, in angle and place [m]."""
+ASKEW = np.radians(1.0)
+"""Deviation of axes from where they are."""
 
 TEST_SAMPLES, TEST_RATE_HZ, MOVING = 2000, 40.0, 0.1
 """The motion of the test, and the velocity [rad/s] below which friction is not judged."""
@@ -54,8 +53,13 @@ TEST_SAMPLES, TEST_RATE_HZ, MOVING = 2000, 40.0, 0.1
 LIMIT_SAMPLES, RANK = 20_000, 1e-7
 """At most, from which the limit is computed, and least singular value of what is identified."""
 
-FIGURES = 'within', 'of_limit'
-"""Of which the mean of the seeds is shown."""
+COLUMNS = {
+    'fits': 'samples, noise, axes',
+    'within': 'within [%]',
+    'ratio': 'deviation over error',
+    'of_limit': 'error over limit',
+    'cpu_s': 'CPU [s]',
+}
 
 
 def main(arguments: list[str]) -> int:
@@ -67,25 +71,27 @@ def main(arguments: list[str]) -> int:
     parser.add_argument('--axes', nargs='+', choices=('right', 'askew'), default=['right'])
     parser.add_argument('--results', type=Path, default=Path('deviations.json'))
     options = parser.parse_args(arguments)
-    results = Results(options.results)
-    table = Table(title='noiseless torques within two deviations, joint by joint')
-    for name in (
-        *('samples', 'noise', 'axes', 'within [%]', 'deviation over error', 'error over limit'),
-        'CPU [s]',
-    ):
-        table.add_column(name)
+    results, table = Results(options.results), []
     for samples, noise, axes in product(options.samples, options.noise, options.axes):
         rows = []
         for seed in options.seeds:
             measure = partial(measured, samples, noise, axes, seed)
             rows.append(results.row(f'{samples}, {noise}, {axes}, seed {seed}', measure))
-        within, of_limit = (np.mean([row[name] for row in rows], axis=0) for name in FIGURES)
+        within, of_limit, cpu_s = (
+            np.mean([row[name] for row in rows], axis=0)
+            for name in ('within', 'of_limit', 'cpu_s')
+        )
         ratio = pooled(np.array([row['ratio'] for row in rows]))
-        cpu_s = np.mean([row['cpu_s'] for row in rows])
-        shown = [' '.join(f'{x:.2f}' for x in each) for each in (ratio, of_limit)]
-        covered = ' '.join(f'{100.0 * x:.0f}' for x in within)
-        table.add_row(str(samples), noise, axes, covered, *shown, f'{cpu_s:.0f}')
-    Console(width=140).print(table)
+        table.append(
+            {
+                'fits': f'{samples}, {noise}, {axes}',
+                'within': ' '.join(f'{100.0 * x:.0f}' for x in within),
+                'ratio': ' '.join(f'{x:.2f}' for x in ratio),
+                'of_limit': ' '.join(f'{x:.2f}' for x in of_limit),
+                'cpu_s': f'{cpu_s:.0f}',
+            }
+        )
+    show('noiseless torques within two deviations, joint by joint', COLUMNS, table, 140)
     return 0
 
 
@@ -124,36 +130,32 @@ def pooled(ratios: Array) -> Array:
     return np.asarray(1.0 / np.sqrt(np.mean(ratios**-2.0, axis=0)))
 
 
-def noisy(dataset: Dataset, noise: str, rng: np.random.Generator, share: float = NOISE) -> Dataset:
+def noisy(dataset: Dataset, noise: str, rng: np.random.Generator) -> Dataset:
     """Add errors to torques, as a share of each one's deviation: white, or filtered."""
     errors = rng.standard_normal(dataset.tau.shape)
     if noise == 'filtered':
         errors = gaussian_filter1d(errors, CORRELATED, axis=0)
         errors /= errors.std(axis=0)
-    return replace(dataset, tau=dataset.tau + share * dataset.tau.std(axis=0) * errors)
+    return replace(dataset, tau=dataset.tau + NOISE * dataset.tau.std(axis=0) * errors)
 
 
 class Truth:
-    """A Panda with friction; axes are right, askew, or by halves askew and beside one another."""
+    """A Panda with friction, whose axes are right or askew."""
 
     def __init__(self, axes: str, rng: np.random.Generator) -> None:
         panda = load_description(panda_urdf(), NAMES, TYPES)
         turns = Rotation.from_rotvec(ASKEW * rng.standard_normal((N_JOINTS, 3))).as_matrix()
         chain, self._links = panda.chain, panda.links
-        translations = chain.translations.copy()
-        if axes == 'half':
-            turned, moved = rng.random((2, N_JOINTS)) < 0.5
-            turns[~turned] = np.eye(3)
-            translations[moved] += ASIDE * rng.standard_normal((int(moved.sum()), 3))
-        rotations = chain.rotations @ (turns if axes != 'right' else np.eye(3))
-        self.chain = chain._replace(rotations=rotations, translations=translations)
+        rotations = chain.rotations @ (turns if axes == 'askew' else np.eye(3))
+        self.chain = chain._replace(rotations=rotations)
 
     def dataset(self, t: Array, rng: np.random.Generator) -> Dataset:
         """Return noiseless samples of a random motion."""
         motion = SinusoidTrajectory.random(half_ranges(N_JOINTS), rng).sample(t)
         dq = motion[1]
         tau = torque_regressor(self.chain, *motion) @ self._links.ravel()
-        return _of(t, motion, tau + VISCOUS * dq + COULOMB * np.tanh(dq / WIDTH))
+        tau = tau + VISCOUS * dq + COULOMB * np.tanh(dq / WIDTH)
+        return Dataset.from_arrays(*motion, tau, NAMES, TYPES, t)
 
     def limit(self, train: Dataset, test: Dataset, where: BoolArray) -> Array:
         """Return the expected error of each joint's torque at some samples, shape (n,) [N m]."""
@@ -177,11 +179,6 @@ class Truth:
         friction = [each[:, :, None] * np.eye(N_JOINTS) for each in features]
         flat = places.reshape(data.n_samples, N_JOINTS, -1)
         return np.concatenate([flat, torque_regressor(self.chain, *state), *friction], axis=2)
-
-
-def _of(t: Array, motion: tuple[Array, Array, Array], tau: Array) -> Dataset:
-    """Return samples of a motion (q, dq, ddq) of one recording."""
-    return Dataset.from_arrays(*motion, tau, NAMES, TYPES, t)
 
 
 def means(values: Array | BoolArray, where: BoolArray) -> Array:

@@ -17,7 +17,7 @@ import time
 import numpy as np
 
 from benchmarks._real import ARMS, RealArm, rounded, SPLITS
-from benchmarks._results import by_error, geometric_mean, Results, Row
+from benchmarks._results import by_error, geometric_mean, line, Results, Row, short
 from benchmarks.baselines import method
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
@@ -92,11 +92,11 @@ def _coverage(model: InverseDynamicsModel, test: Dataset) -> Array:
 def accuracy(rows: Mapping[str, Row]) -> Iterator[str]:
     """Yield a line for each split: errors, their means, spread of fits, coverage, CPU seconds."""
     for name, row in _of(rows, ARTICULATED).items():
-        errors = ' '.join(_short(x) for x in row['nmse'])
+        errors = ' '.join(short(x) for x in row['nmse'])
         covered = ' '.join(f'{x:.0f}' for x in row['coverage'])
-        spread = ' to '.join(_short(x) for x in row['spread'])
+        spread = ' to '.join(short(x) for x in row['spread'])
         cells = (errors, *_means(row), spread, covered, f'{row["cpu_s"]:.0f}')
-        yield _line(f'{name} 30 %', *cells)
+        yield line(f'{name} 30 %', *cells)
 
 
 def known_kinematics(rows: Mapping[str, Row]) -> Iterator[str]:
@@ -115,10 +115,10 @@ def known_kinematics(rows: Mapping[str, Row]) -> Iterator[str]:
             if name in found:
                 logs[rival].append(np.log(np.array(ours['nmse']) / np.array(found[name]['nmse'])))
                 cells += [*_means(found[name]), f'{np.exp(logs[rival][-1].mean()):.2f}']
-        yield _line(*cells)
+        yield line(*cells)
     for rival, each in logs.items():
         if each:
-            yield _line('all joints', rival, f'{np.exp(np.concatenate(each).mean()):.2f}')
+            yield line('all joints', rival, f'{np.exp(np.concatenate(each).mean()):.2f}')
 
 
 def plain(rows: Mapping[str, Row]) -> Iterator[str]:
@@ -128,7 +128,7 @@ def plain(rows: Mapping[str, Row]) -> Iterator[str]:
         means = [np.mean(found[name]['nmse']) for found in rivals.values() if name in found]
         cells = [_means(found[name])[0] if name in found else '' for found in rivals.values()]
         ratio = [f'{np.mean(ours["nmse"]) / min(means):.2f}'] if means else []
-        yield _line(name, _means(ours)[0], *cells, *ratio)
+        yield line(name, _means(ours)[0], *cells, *ratio)
 
 
 def _of(rows: Mapping[str, Row], model: str) -> dict[str, Row]:
@@ -138,12 +138,4 @@ def _of(rows: Mapping[str, Row], model: str) -> dict[str, Row]:
 
 
 def _means(row: Row) -> tuple[str, str]:
-    return _short(float(np.mean(row['nmse']))), _short(geometric_mean(row))
-
-
-def _short(value: float) -> str:
-    return f'{value:.2g}' if value < 99.5 else f'{value:.0f}'
-
-
-def _line(*cells: str) -> str:
-    return f'| {" | ".join(cells)} |'
+    return short(float(np.mean(row['nmse']))), short(geometric_mean(row))

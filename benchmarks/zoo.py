@@ -16,7 +16,7 @@ import time
 
 import numpy as np
 
-from benchmarks._results import Results, Row
+from benchmarks._results import line, Results, Row, short
 from benchmarks._zoo import load_arm, MOTIONS, recorded, SerialArm, ZOO, ZooArm, ZooRecording
 from benchmarks.baselines import method, MODELS
 from benchmarks.baselines.rigid_body import contiguous, diagonal, identified, smooth_sign
@@ -118,15 +118,15 @@ def table(rows: Mapping[str, Row], motion: str, ours: str) -> Iterator[str]:
     for name in ZOO:
         found = [_of(rows, name, motion, model) for model in (ours, *RIVALS)]
         if any('error' in row for row in found[0]):
-            yield _line(name, 'failed')
+            yield line(name, 'failed')
         elif all(found):
             keys = 'nmse_measured', 'nmse'
             logs = np.array([[_logs(each, key) for each in found] for key in keys])
             everything.append(logs)
             cpu = np.mean([row['cpu_s'] for row in found[0]])
-            yield _line(name, *_cells(logs), f'{cpu:.0f}')
+            yield line(name, *_cells(logs), f'{cpu:.0f}')
     if everything:
-        yield _line('all joints', *_cells(np.concatenate(everything, axis=2)), '')
+        yield line('all joints', *_cells(np.concatenate(everything, axis=2)), '')
 
 
 def _of(rows: Mapping[str, Row], name: str, motion: str, model: str) -> list[Row]:
@@ -145,17 +145,9 @@ def _logs(rows: list[Row], key: str) -> Array:
 def _cells(logs: Array) -> Iterator[str]:
     """Yield means and ratios of logarithms of errors, shape (2, 3, joints)."""
     for models in logs:
-        yield from (_short(_mean(each)) for each in models)
+        yield from (short(_mean(each)) for each in models)
         yield from (f'{_mean(models[0] - rival):.2f}' for rival in models[1:])
 
 
 def _mean(logs: Array) -> float:
     return float(np.exp(logs.mean()))
-
-
-def _short(value: float) -> str:
-    return f'{value:.2g}' if value < 99.5 else f'{value:.0f}'
-
-
-def _line(*cells: str) -> str:
-    return f'| {" | ".join(cells)} |'

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from array import array
 from dataclasses import dataclass
-import os
 from pathlib import Path
 import re
 from typing import Any
 
-from hypothesis import given
-from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from lip_id_ros.errors import ConfigError, SourceError
+from lip_id_ros.errors import ConfigError
 from lip_id_ros.settings import (
     build,
     Config,
@@ -26,8 +23,6 @@ from lip_id_ros.settings import (
     PreprocessingSettings,
     read_config,
     RecordingSettings,
-    Row,
-    rows,
     setting,
     Settings,
 )
@@ -45,10 +40,6 @@ class Example(Settings):
     gains: tuple[float, ...] = setting((), 'Gains.', minimum=0.0)
 
 
-def row(name: str) -> Row:
-    return next(row for row in rows(Example) if row.name == name)
-
-
 @pytest.fixture
 def config_file(tmp_path: Path) -> Path:
     return tmp_path / 'robot.yaml'
@@ -59,18 +50,14 @@ def config_file(tmp_path: Path) -> Path:
     [
         ('switch', 1, 'true or false'),
         ('count', 2.0, 'a whole number >= 1 and <= 9'),
-        ('count', True, 'a whole number >= 1 and <= 9'),
         ('count', 10, 'a whole number >= 1 and <= 9'),
         ('rate', '2 Hz', 'a number >= 0 Hz'),
         ('rate', -0.1, 'a number >= 0 Hz'),
         ('rate', float('nan'), 'a number >= 0 Hz'),
-        ('rate', float('inf'), 'a number >= 0 Hz'),
         ('mode', 'medium', 'a text fast or slow'),
-        ('mode', None, 'a text fast or slow'),
         ('names', 'joint_1', 'a list of texts'),
         ('names', [1], 'a list of texts'),
         ('gains', [1.0, -1.0], 'a list of numbers >= 0'),
-        ('gains', 1.0, 'a list of numbers >= 0'),
     ],
 )
 def test_wrong_value_is_refused_everywhere(name: str, value: object, expected: str) -> None:
@@ -107,23 +94,6 @@ def test_numbers_and_arrays_of_numpy_are_taken() -> None:
         PreprocessingSettings(cutoff_hz=np.array([1.0, 2.0]))  # type: ignore[arg-type]
 
 
-def test_rows_carry_the_documentation() -> None:
-    assert row('count') == Row('count', 'int', 3, 'A count.', '', 1, 9, (), '')
-    assert [row.kind for row in rows(Example)] == [
-        'bool',
-        'int',
-        'float',
-        'str',
-        'list of str',
-        'list of float',
-    ]
-
-
-@given(st.floats(min_value=0.0, allow_nan=False, allow_infinity=False))
-def test_any_rate_in_range_is_taken_unchanged(rate: float) -> None:
-    assert Example(rate=rate).rate == rate
-
-
 def test_every_setting_has_a_description_and_an_allowed_default() -> None:
     for key, documented in flat_rows(Config()):
         assert documented.description.endswith('.'), key
@@ -154,10 +124,6 @@ def test_empty_file_means_defaults(config_file: Path) -> None:
         ('zzz: {}', r'zzz in .* is not a setting; known are recording, preprocessing, fit.$'),
         ('1: {}', r'1 in .* is not a setting; known are recording, preprocessing, fit.$'),
         (
-            'fit: {1: 2}',
-            r'fit.1 in .* is not a setting; known are kernel, .*description_inertial.$',
-        ),
-        (
             'fit: {kernel: rbf}',
             r'fit.kernel in .*robot.yaml must be a text articulated or lip or recursive, '
             r"not 'rbf'.$",
@@ -165,11 +131,9 @@ def test_empty_file_means_defaults(config_file: Path) -> None:
         ('fit: {seed: 1.5}', r'fit.seed in .*robot.yaml must be a whole number >= 0, not 1.5.$'),
         ('recording: {topic: }', r'recording.topic in .* must be a text, not None.$'),
         ('fit: 3', r'robot.yaml must hold settings under \'fit\' as "name: value", not 3.$'),
-        ('fit:', r'robot.yaml must hold settings under \'fit\' as "name: value", not None.$'),
         ('[1, 2]', r'robot.yaml must hold sections as "name: value", not \[1, 2\].$'),
         ('fit: {', r'robot.yaml is not readable YAML \(.*\); correct it there.$'),
         ('fit: {seed: 1, seed: 2}', r"robot.yaml is not readable YAML \('seed' comes twi"),
-        ('fit: !!python/object:os.system {}', r'robot.yaml is not readable YAML \(.*\);'),
     ],
 )
 def test_wrong_file_gives_one_sentence(config_file: Path, text: str, sentence: str) -> None:
@@ -177,17 +141,6 @@ def test_wrong_file_gives_one_sentence(config_file: Path, text: str, sentence: s
     with pytest.raises(ConfigError, match=sentence) as caught:
         read_config(config_file)
     assert '\n' not in str(caught.value)
-
-
-def test_undecodable_file_gives_one_sentence(config_file: Path) -> None:
-    config_file.write_bytes(b'\xff\xfe\x00\x01\x80')
-    with pytest.raises(ConfigError, match=r'robot.yaml is not readable YAML'):
-        read_config(config_file)
-
-
-def test_absent_file_passes_through(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError):
-        read_config(tmp_path / 'absent.yaml')
 
 
 def test_override_by_flat_names() -> None:
@@ -230,19 +183,12 @@ def test_documented_example_in_the_repository_is_up_to_date() -> None:
     ('text', 'sentence'),
     [
         ('fit: {seed: ' + '9' * 5000 + '}', 'is not readable YAML'),
-        ('fit: {seed: 2001-99-99}', 'is not readable YAML'),
         ('fit: ' + '[' * 3000 + ']' * 3000, 'is not readable YAML'),
         ('a: &x [1]\nb: *x', 'is not readable YAML .an alias'),
         ('recording: {effort_scale: [1e308]}', r'recording\.effort_scale in .* <= 1e\+09'),
-        ('recording: {effort_scale: [.inf]}', r'recording\.effort_scale in .*, not \[inf\]'),
-        (
-            'preprocessing: {decimate: 1' + '0' * 400 + '}',
-            r'decimate in .* not 100',
-        ),
         ('preprocessing: {cutoff_hz: 1' + '0' * 400 + '}', 'cutoff_hz in .* must be a number'),
         ('#' * 1_000_001, 'more than 1000000 bytes'),
         ('\udcff', 'is not readable YAML'),
-        ('fit: {seed: 2001-01-01}', 'must be a whole number'),
     ],
 )
 def test_hostile_settings_are_refused(tmp_path: Path, text: str, sentence: str) -> None:
@@ -253,19 +199,7 @@ def test_hostile_settings_are_refused(tmp_path: Path, text: str, sentence: str) 
     assert len(str(caught.value)) < 1000
 
 
-def test_settings_from_a_pipe_are_refused(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / 'pipe')
-    with pytest.raises(SourceError, match='must be a regular file'):
-        read_config(tmp_path / 'pipe')
-
-
-@pytest.mark.parametrize('path', [None, 3, {}, b'fit.yaml'])
-def test_settings_of_no_file_are_refused(path: Any) -> None:
-    with pytest.raises(SourceError, match=r'^a path must be a text or a Path, not '):
-        read_config(path)
-
-
-@pytest.mark.parametrize('section', [None, {}, {'seed': 1}, RecordingSettings()])
+@pytest.mark.parametrize('section', [{'seed': 1}, RecordingSettings()])
 def test_sections_of_another_type_are_refused(section: Any) -> None:
     with pytest.raises(ConfigError, match=r'^Config\.fit must be FitSettings, not .*; write FitS'):
         Config(fit=section)

@@ -10,7 +10,6 @@ import json
 import os
 from pathlib import Path
 import stat
-import tempfile
 from typing import Any, BinaryIO
 import zipfile
 
@@ -77,19 +76,6 @@ def test_a_missing_folder_is_an_os_error(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == []
 
 
-def test_a_file_for_a_folder_is_an_os_error(tmp_path: Path) -> None:
-    (tmp_path / 'file').touch()
-    with pytest.raises(NotADirectoryError, match=r"file/inner'$"):
-        write_atomically(tmp_path / 'file' / 'inner', write_new)
-
-
-def test_a_folder_is_not_overwritten(tmp_path: Path) -> None:
-    (tmp_path / 'folder').mkdir()
-    with pytest.raises(IsADirectoryError, match='folder'):
-        write_atomically(tmp_path / 'folder', write_new)
-    assert os.listdir(tmp_path) == ['folder']
-
-
 def test_permissions_follow_the_mask(tmp_path: Path) -> None:
     mask = os.umask(0o027)
     try:
@@ -144,12 +130,6 @@ def test_pickled_objects_are_refused(tmp_path: Path) -> None:
     check_refused(tmp_path / 'file.npz', content, 'Object arrays cannot be loaded')
 
 
-def test_an_npy_file_is_refused(tmp_path: Path) -> None:
-    file = io.BytesIO()
-    np.save(file, np.ones(3))
-    check_refused(tmp_path / 'file.npz', file.getvalue(), 'not an npz archive')
-
-
 def test_an_archive_with_a_missing_end_is_refused(tmp_path: Path) -> None:
     for length in range(0, len(GOOD), 7):
         check_refused(tmp_path / 'file.npz', GOOD[:length], 'npz archive, or only a part of one')
@@ -171,16 +151,6 @@ def test_a_flipped_bit_is_seen_or_harmless(
         np.testing.assert_array_equal(arrays[name], ARRAYS[name])
 
 
-@given(content=st.binary(max_size=200))
-def test_random_bytes_fail(content: bytes, tmp_path_factory: pytest.TempPathFactory) -> None:
-    check_refused(tmp_path_factory.mktemp('npz') / 'file', content, 'not an npz archive')
-
-
-def test_a_missing_file_is_an_os_error(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match=r'nothing\.npz'):
-        read_npz(tmp_path / 'nothing.npz')
-
-
 def test_a_link_is_followed_and_the_mode_is_kept(tmp_path: Path) -> None:
     target, link = tmp_path / 'target', tmp_path / 'link'
     target.write_bytes(b'old')
@@ -190,12 +160,6 @@ def test_a_link_is_followed_and_the_mode_is_kept(tmp_path: Path) -> None:
     assert link.is_symlink()
     assert target.read_bytes() == b'new'
     assert stat.S_IMODE(target.stat().st_mode) == 0o600
-
-
-def test_a_link_to_nothing_creates_its_target(tmp_path: Path) -> None:
-    (tmp_path / 'link').symlink_to('target')
-    write_atomically(tmp_path / 'link', write_new)
-    assert (tmp_path / 'target').read_bytes() == b'new'
 
 
 def test_a_pipe_is_written_to(tmp_path: Path) -> None:
@@ -226,12 +190,6 @@ def test_temporary_files_of_killed_writes_are_swept(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-def test_a_name_of_the_greatest_length_can_be_written(tmp_path: Path) -> None:
-    path = tmp_path / ('é' * 127)
-    write_atomically(path, write_new)
-    assert path.read_bytes() == b'new'
-
-
 def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     require_writable(tmp_path / 'file')
     assert list(tmp_path.iterdir()) == []
@@ -259,36 +217,15 @@ def test_a_suffix_is_that_of_the_format() -> None:
             require_suffix(path, '.npz', 'the data set')
 
 
-def claimed(shape: str) -> bytes:
-    """Return an npz file with an array whose header claims a shape."""
-    member = io.BytesIO()
-    text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}"
-    header = text.encode().ljust(117) + b'\n'
-    member.write(b'\x93NUMPY\x01\x00' + len(header).to_bytes(2, 'little') + header + bytes(64))
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, 'w') as packed:
-        packed.writestr('q.npy', member.getvalue())
-    return file.getvalue()
-
-
-@pytest.mark.parametrize(
-    ('content', 'sentence'),
-    [
-        (claimed('(1000000000000,)'), r'an array of shape .1000000000000,. in only'),
-        (claimed('(1000000, 1000000, 1000000)'), 'an array of shape'),
-        (claimed('(-5,)'), 'negative dimensions'),
-        (archive(header_json=np.array('[' * 100_000), **ARRAYS), 'nested too deeply|not a JSON'),
-        (archive(header_json=np.array('5'), **ARRAYS), 'not a JSON object'),
-        (archive(header_json=np.array('{"a": ' + '9' * 5000 + '}'), **ARRAYS), 'digit'),
-        (b'', 'not an npz archive'),
-    ],
-    # The bytes hold the time of their making: workers must agree on names.
-    ids=['huge', 'huge product', 'negative', 'deep', 'number', 'many digits', 'empty'],
-)
-def test_hostile_archives_are_refused(tmp_path: Path, content: bytes, sentence: str) -> None:
-    (tmp_path / 'file.npz').write_bytes(content)
-    with pytest.raises(ValueError, match=sentence):
-        read_npz(tmp_path / 'file.npz')
+def test_what_an_archive_claims_is_not_believed(tmp_path: Path) -> None:
+    member, packed = io.BytesIO(), io.BytesIO()
+    claim = {'descr': '<f8', 'fortran_order': False, 'shape': (10**12,)}
+    np.lib.format.write_array_header_1_0(member, claim)
+    with zipfile.ZipFile(packed, 'w') as file:
+        file.writestr('q.npy', member.getvalue())
+    check_refused(tmp_path / 'a', packed.getvalue(), r'an array of shape .1000000000000,. in only')
+    deep = archive(header_json=np.array('[' * 100_000))
+    check_refused(tmp_path / 'b', deep, 'nested too deeply|not a JSON')
 
 
 def test_an_archive_that_expands_beyond_measure_is_refused(
@@ -299,12 +236,6 @@ def test_an_archive_that_expands_beyond_measure_is_refused(
     monkeypatch.setattr(files, 'LARGE_BYTES', 1_000_000)
     with pytest.raises(ValueError, match='that expand to 8000'):
         read_npz(tmp_path / 'file.npz')
-
-
-def test_an_archive_in_a_pipe_is_refused(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / 'pipe.npz')
-    with pytest.raises(SourceError, match='must be a regular file'):
-        read_npz(tmp_path / 'pipe.npz')
 
 
 def test_the_header_alone_is_read(tmp_path: Path) -> None:
@@ -358,23 +289,6 @@ def test_a_folder_in_use_is_not_swept(tmp_path: Path, monkeypatch: pytest.Monkey
     os.utime(tmp_path / f'{files.SCRATCH}link', (0, 0), follow_symlinks=False)
     with scratch_folder():
         assert (tmp_path / 'elsewhere').is_dir()
-
-
-@pytest.mark.skipif(os.geteuid() != 0, reason='only root can become another user')
-def test_folders_of_another_user_are_not_swept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr('lip_id_ros.files.SWEEP_AFTER_S', -1.0)
-    with tempfile.TemporaryDirectory(dir='/tmp') as place:
-        os.chmod(place, 0o777)
-        monkeypatch.setattr('tempfile.tempdir', place)
-        left = Path(place) / f'{files.SCRATCH}left'
-        left.mkdir(0o700)
-        os.setresuid(65534, 65534, 0)
-        try:
-            with scratch_folder() as folder:
-                assert Path(folder).is_dir()
-        finally:
-            os.setresuid(0, 0, 0)
-        assert left.is_dir()
 
 
 @pytest.mark.parametrize('path', ['/', '', '/tmp/'])

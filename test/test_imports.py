@@ -98,16 +98,15 @@ PARTS = {
         *('recording', 'rigid_body', 'settings', 'signals'),
     },
     'signals': {'model', 'recording'},
-    'control': {'model', 'recording', 'settings', 'signals'},
     'monitoring': {'adaptation', 'model', 'recording', 'settings', 'signals'},
     'feedforward': {'adaptation', 'model', 'recording', 'settings', 'signals'},
-    'simulation': {'control', 'dataset', 'evaluation', 'recording', 'rigid_body'},
+    'simulation': {'dataset', 'evaluation', 'recording', 'rigid_body'},
 }
 # These may import every part above; nobody imports them, but for the exceptions named here.
 INNER = set(PARTS)
 PARTS |= {
     '__init__': INNER,  # the Python face
-    'acquisition': INNER - {'control', 'feedforward', 'monitoring', 'simulation'},
+    'acquisition': INNER - {'feedforward', 'monitoring', 'simulation'},
     'nodes': INNER - {'simulation'} | {'acquisition'},
     'cli': INNER,
     'demo': {'dataset', 'nodes', 'recording', 'settings', 'signals', 'simulation'},
@@ -134,9 +133,9 @@ FOREIGN = {
         'feedforward/plan_files',
         'fleet/sources',
         'fleet/stored_files',
-        'nodes/set_payload',
     ),
-    'pinocchio': ('simulation', 'excitation/self_collision'),
+    'coal': ('excitation/shapes',),
+    'pinocchio': ('simulation', 'excitation/shapes'),
     'mujoco': ('export/mjcf',),
     'example_robot_data': ('simulation',),
     'matplotlib': ('adaptation/report', 'evaluation/report', 'excitation/report'),
@@ -153,7 +152,6 @@ FOREIGN = {
     'lifecycle_msgs': ROS,
     'pal_statistics_msgs': ROS,
     'rcl_interfaces': ROS,
-    'rosidl_runtime_py': ROS,
     'sensor_msgs': ROS,
     'std_msgs': ROS,
     'std_srvs': ROS,
@@ -239,7 +237,6 @@ LIGHT = {
     'lip_id_ros.cli': ('torch', 'rclpy', 'pinocchio', 'matplotlib'),
     'lip_id_ros.acquisition.recorder': ('torch', 'numba', 'matplotlib', 'pinocchio'),
     'lip_id_ros.acquisition.settings': ('torch', 'numba', 'matplotlib', 'pinocchio'),
-    'lip_id_ros.control.plan_controller': ('torch', 'numba', 'matplotlib', 'pinocchio'),
 }
 
 

@@ -73,30 +73,8 @@ def manifest() -> ElementTree.Element:
     return ElementTree.parse(ROOT / 'package.xml').getroot()
 
 
-def test_manifest_is_an_ament_python_package(manifest: ElementTree.Element) -> None:
-    assert manifest.get('format') == '3'
-    assert manifest.findtext('name') == PACKAGE
-    assert manifest.findtext('license') == 'Apache-2.0'
-    assert manifest.findtext('export/build_type') == 'ament_python'
-    assert (ROOT / 'resource' / PACKAGE).is_file()
-
-
 def test_manifest_and_setup_agree_on_the_version(manifest: ElementTree.Element) -> None:
     assert f"version='{manifest.findtext('version')}'" in (ROOT / 'setup.py').read_text()
-
-
-def test_manifest_and_setup_agree_on_authors_and_addresses(manifest: ElementTree.Element) -> None:
-    setup = (ROOT / 'setup.py').read_text()
-    home = re.search(r"HOME_PAGE = '([^']+)'", setup)
-    mail = re.search(r"AUTHORS, MAIL = '[^']+', '([^']+)'", setup)
-    assert home is not None
-    assert mail is not None
-    addresses = {url.get('type'): url.text for url in manifest.iter('url')}
-    assert addresses == {'website': home[1], 'bugtracker': f'{home[1]}/issues'}
-    for role in ('maintainer', 'author'):
-        person = manifest.find(role)
-        assert person is not None
-        assert (person.text, person.get('email')) == ('the lip_id_ros authors', mail[1])
 
 
 def test_manifest_names_what_is_imported_and_no_more(manifest: ElementTree.Element) -> None:

@@ -7,10 +7,8 @@ from pathlib import Path
 import shutil
 import subprocess
 import sys
-import zipfile
 
 import pytest
-from waiting import wait_until
 
 SCRIPTS = Path(__file__).resolve().parents[1] / 'scripts'
 SHELLS = [
@@ -65,10 +63,6 @@ def test_the_named_python_goes_first(checkout: Path) -> None:
     assert found == os.path.realpath(sys.executable)
 
 
-def test_no_python_meets_an_impossible_condition(checkout: Path) -> None:
-    assert find_python(checkout, 'v == (2, 0)', PYTHON312=sys.executable) == ''
-
-
 def test_a_wrong_jazzy_folder_is_named(checkout: Path, tmp_path: Path) -> None:
     setup = run([str(checkout / 'scripts/setup.sh')], LIP_ID_ROS_JAZZY=str(tmp_path / 'nowhere'))
     assert setup.returncode == 1
@@ -108,13 +102,6 @@ def test_environment_of_the_wheel_can_be_sourced_twice(shell: str, checkout: Pat
 
 
 @pytest.mark.parametrize('shell', SHELLS)
-def test_environment_leaves_no_helpers_behind(shell: str, checkout: Path) -> None:
-    (checkout / '.deps').mkdir()
-    (checkout / '.deps/ros').write_text('wheel\n')
-    assert not [line for line in source(shell, checkout, 'set') if line.startswith('_lip_')]
-
-
-@pytest.mark.parametrize('shell', SHELLS)
 def test_environment_of_an_installation(shell: str, checkout: Path, tmp_path: Path) -> None:
     """An installation's set-up script uses variables that may be unset; `set -u` comes back."""
     for suffix in ('bash', 'zsh'):
@@ -138,72 +125,3 @@ def test_environment_without_ros_or_home(shell: str, checkout: Path) -> None:
         'none',
         f'{checkout}/.deps/log/ros',
     ]
-
-
-def test_unpacking_takes_jazzy_and_the_licences_only(checkout: Path, tmp_path: Path) -> None:
-    base = 'isaacsim/exts/isaacsim.ros2.core/'
-    members = {
-        f'{base}jazzy/rclpy/rclpy/node.py': 'node',
-        f'{base}jazzy/lib/libyaml.so': 'yaml',
-        f'{base}humble/rclpy/rclpy/node.py': 'another ROS',
-        f'{base}PACKAGE-LICENSES/isaacsim.ros2.core-LICENSE.md': 'licence',
-        'isaacsim/LICENSE.txt': 'licence',
-        'isaacsim/kernel.py': 'not ours',
-    }
-    with zipfile.ZipFile(tmp_path / 'a.whl', 'w') as archive:
-        for name, text in members.items():
-            archive.writestr(name, text)
-    out = tmp_path / 'out'
-    unpack = str(checkout / 'scripts/unpack_jazzy.py')
-    ran = run([sys.executable, unpack, str(tmp_path / 'a.whl'), str(out)])
-    assert ran.returncode == 0, ran.stderr
-    assert {path.relative_to(out).as_posix() for path in out.rglob('*') if path.is_file()} == {
-        'jazzy/rclpy/rclpy/node.py',
-        'jazzy/lib/libyaml.so',
-        'licences/isaacsim.ros2.core-LICENSE.md',
-        'licences/LICENSE.txt',
-    }
-
-
-SLOW_PYTHON = """
-case "$*" in
-  *precompile.py) echo started >>{folder}/starts
-    while [ ! -e {folder}/go ]; do sleep 0.05; done ;;
-  -c*) echo {python} ;;
-esac
-"""
-
-
-def is_free(lock: Path) -> bool:
-    return subprocess.run(['flock', '-n', lock, 'true'], check=False).returncode == 0
-
-
-@pytest.mark.skipif(not shutil.which('flock'), reason='no flock')
-def test_set_ups_in_a_row_compile_once(checkout: Path, tmp_path: Path) -> None:
-    for name in ('requirements-offline.txt', 'setup.py', 'setup.cfg', 'package.xml'):
-        (checkout / name).touch()
-    (checkout / 'lip_id_ros').mkdir()
-    source = checkout / 'lip_id_ros' / 'arm.py'
-    source.touch()
-    python = os.path.realpath(sys.executable)
-    venv = checkout / '.deps' / 'venv' / 'bin'
-    program(venv / 'python', SLOW_PYTHON.format(folder=tmp_path, python=python))
-    program(venv / 'pip', '').write_text(f'#!{venv}/python\n')
-    command = [str(checkout / 'scripts/setup.sh'), 'run']
-    named = {'PYTHON312': python, 'LIP_ID_ROS_OFFLINE': '1'}
-    starts, lock = tmp_path / 'starts', checkout / '.deps' / 'precompile.lock'
-
-    first = subprocess.Popen(
-        command, stdout=subprocess.DEVNULL, env={'PATH': '/usr/bin:/bin', **named}
-    )
-    assert first.wait() == 0
-    wait_until(starts.exists, 'the first compilation')
-    assert [run(command, **named).returncode for _ in range(2)] == [0, 0]
-    (tmp_path / 'go').touch()
-    wait_until(lambda: is_free(lock), 'the end of the compilation')
-    run(command, **named)
-    assert starts.read_text() == 'started\n'
-    source.write_text('changed = True')
-    run(command, **named)
-    # it compiles in the background
-    wait_until(lambda: starts.read_text() == 'started\nstarted\n', 'the second compilation')

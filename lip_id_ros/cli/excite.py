@@ -9,16 +9,17 @@ from lip_id_ros.cli import arguments
 HELP = 'design a motion that teaches'
 EPILOG = """\
 examples:
-  lip_id excite --urdf arm.urdf -o motion.yaml            a JointTrajectory, within 0.9 of the
+  lip_id excite --urdf arm.urdf -o motion.yaml            a JointTrajectory, within 0.3 of the
                                                           limits of the URDF
   lip_id excite --config excite.yaml -o motion.yaml -o motion.csv -o motion.mcap
                                                           limits and posture from a file
   lip_id excite --after arm.npz --urdf arm.urdf -o next.yaml
                                                           what the model does not know yet
 
-The motion starts and ends at rest at the posture. Try it in simulation, and watch its first run
-with a hand at the emergency stop: only what the settings name in `space` is kept clear of; links
-are kept apart where `space.self_distance_m` is set.
+The motion starts and ends at rest at the posture: move the arm there first. With a URDF the links
+keep 5 cm from each other and from the plane that the arm stands on. Nothing else is kept clear of
+but what the settings name in `space`: try the motion in simulation, and watch its first run with a
+hand at the emergency stop.
 """
 
 
@@ -36,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--urdf',
         type=arguments.source,
         metavar='FILE',
-        help='robot description: joints and limits that the settings leave out',
+        help='robot description: links, and joints and limits that the settings leave out',
     )
     parser.add_argument(
         '--config',
@@ -67,7 +68,7 @@ def run(args: argparse.Namespace) -> None:
     from lip_id_ros.cli import models, output
     from lip_id_ros.errors import ConfigError
     from lip_id_ros.evaluation.tables import show, show_lines
-    from lip_id_ros.excitation.motion_tables import gain_lines, learning_tables, motion_table
+    from lip_id_ros.excitation.motion_tables import learning_tables, motion_lines, motion_table
     from lip_id_ros.excitation.planning import design_motion
     from lip_id_ros.excitation.settings import ExcitationConfig
     from lip_id_ros.excitation.trajectory_file import is_motion, writer_for
@@ -96,7 +97,7 @@ def run(args: argparse.Namespace) -> None:
     console = output.console()
     for table in (motion_table(found), *learning_tables(found)):
         show(table, console)
-    show_lines(gain_lines(found), console)
+    show_lines(motion_lines(found), console)
     for path in args.output:
         found.save(path)
     show_lines([f'Written: {path}' for path in args.output], console)

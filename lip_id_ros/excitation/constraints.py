@@ -16,7 +16,6 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.excitation.arms import KnownArm
 from lip_id_ros.excitation.joint_limits import JointLimits
 from lip_id_ros.excitation.series import FourierMotion, LimitedMotions
 from lip_id_ros.model import InverseDynamicsModel
@@ -28,18 +27,17 @@ LEAST_SHARE = 0.01
 
 
 class Constraint(Protocol):
-    """A limit that a motion keeps or not. `settings`: where it is from."""
+    """A limit that a motion keeps or not."""
 
-    settings: str
+    @property
+    def settings(self) -> str:
+        """Where it is from."""
 
     def require_posture(self, posture: Array) -> None:
         """Refuse a posture at which the limit cannot be kept, by a ConfigError that names it."""
 
     def is_kept(self, motion: FourierMotion, fine: bool) -> bool:
         """Whether a motion keeps it: at every time, or, if not `fine`, at some times."""
-
-    def penalty(self, q: Array, dq: Array, ddq: Array) -> tuple[float, Array]:
-        """Return what states beyond it cost, and the gradient of that, shape (3, N, n)."""
 
 
 @dataclass(frozen=True)
@@ -99,8 +97,6 @@ DEVIATIONS = 3.0
 """Standard deviations that are added to the torque that a model predicts."""
 
 COARSE_HZ, FINE_HZ = 50.0, 1000.0
-SHARPNESS, WEIGHT = 0.02, 30.0
-"""Of the penalty: width of its corner, in limits, and weight of a limit that is used twice."""
 
 
 class TorqueLimits:
@@ -111,13 +107,15 @@ class TorqueLimits:
     as far from either as they are from each other.
     """
 
-    settings = 'motion.torque_limits'
-
     def __init__(self, model: InverseDynamicsModel, limits: JointLimits) -> None:
         assert limits.torque is not None, 'without limits of torques there is nothing to hold'
         assert model.arm is not None, 'only an arm is designed for'
         self._model, self._limit, self._names = model, limits.torque, limits.joint_names
-        self._arm = KnownArm(model.arm)
+
+    @property
+    def settings(self) -> str:
+        """What the limits are from."""
+        return 'motion.torque_limits'
 
     def use(self, motion: FourierMotion, rate: float) -> Array:
         """Return the largest share of each limit that a motion uses, shape (n,)."""
@@ -147,17 +145,6 @@ class TorqueLimits:
     def is_kept(self, motion: FourierMotion, fine: bool) -> bool:
         """Whether a motion keeps the limits: at 1 kHz if `fine`, else at some times."""
         return bool(self.use(motion, FINE_HZ if fine else COARSE_HZ).max() <= 1.0)
-
-    def penalty(self, q: Array, dq: Array, ddq: Array) -> tuple[float, Array]:
-        """Return what torques beyond the limits cost, and its gradient, shape (3, N, n)."""
-        tau = self._arm.torque(q, dq, ddq)
-        std = self._model.torque_std(q, dq, ddq)
-        excess = (np.abs(tau) + DEVIATIONS * std) / self._limit - 1.0
-        soft = SHARPNESS * np.logaddexp(0.0, excess / SHARPNESS)
-        slope = 1.0 / (1.0 + np.exp(-np.clip(excess / SHARPNESS, -500.0, 500.0)))
-        weight = WEIGHT / len(q)
-        by_tau = weight * 2.0 * soft * slope * np.sign(tau) / self._limit
-        return weight * float(np.sum(soft**2)), self._arm.torque_pullback(by_tau, q, dq, ddq)
 
 
 LEAST_SIZE = 1e-3
@@ -189,17 +176,18 @@ def next_size(
     limits: JointLimits,
     posture: Array,
     last: float,
+    most: float = 1.0,
     seed: int = 0,
     duration: float = 20.0,
     harmonics: int = 5,
 ) -> float:
     """
-    Return the size of the next motion, which may be smaller than the last one.
+    Return the size of the next motion, `most` at most, which may be smaller than the last one.
 
     It is the largest at which the torques of random motions, as the model predicts them with three
     deviations, are within the limits. ConfigError if the model vouches for no motion at all.
     """
-    largest = min(1.0, LARGEST_GROWTH * last)
+    largest = min(most, LARGEST_GROWTH * last)
     if limits.torque is None:
         return largest
     torques = TorqueLimits(model, limits)
@@ -208,11 +196,12 @@ def next_size(
     def vouched(size: float) -> bool:
         motions = LimitedMotions(shrunk(limits, posture, size), posture, duration, harmonics)
         rng = np.random.default_rng(seed)
-        trials = (motions.motion(motions.random(rng)) for _ in range(TRIALS))
+        trials = (motions.random(rng) for _ in range(TRIALS))
         return all(torques.is_kept(motion, fine=False) for motion in trials)
 
     if vouched(largest):
         return largest
+    last = min(last, largest)
     low, high = (last, largest) if vouched(last) else (0.0, last)
     for _ in range(SIZE_HALVINGS):
         middle = 0.5 * (low + high)

@@ -10,8 +10,8 @@ Donev and Tobias, Optimum Experimental Designs, 2007, section 10.6).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
@@ -22,22 +22,22 @@ States = tuple[Array, Array, Array]
 """q, dq and ddq, each (N, n)."""
 
 
-class Learner(Protocol):
-    """An arm as it is known before a motion, with p coordinates."""
+@dataclass(frozen=True, eq=False)
+class Learner:
+    """
+    An arm as it is known before a motion, with p coordinates.
 
-    @property
-    def root(self) -> Array:
-        """Root S of the covariance of the coordinates, shape (p, r)."""
+    `root`, shape (p, r): root S of their covariance. `noise`, shape (n,): standard deviations of
+    measured torques [N m or N]. `jacobian`: of the torques at q, dq and ddq, shape (N, n, p).
+    """
 
-    @property
-    def noise(self) -> Array:
-        """Standard deviations of measured torques, shape (n,) [N m or N]."""
+    root: Array
+    noise: Array
+    jacobian: Callable[[Array, Array, Array], Array]
 
-    def jacobian(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Differentiate the torques by the coordinates, shape (N, n, p)."""
-
-    def pullback(self, weights: Array, q: Array, dq: Array, ddq: Array) -> Array:
-        """Differentiate the sum of weights (N, n, p) times the Jacobian, shape (3, N, n)."""
+    def rows(self, states: States) -> Array:
+        """Return J S in standard deviations of the noise, shape (N, n, r)."""
+        return np.asarray(self.jacobian(*states) @ self.root / self.noise[:, None])
 
 
 class ExpectedError:
@@ -48,82 +48,32 @@ class ExpectedError:
     motion at which torques are measured independently.
     """
 
-    def __init__(
-        self, learner: Learner, targets: States, measurements: float, n_samples: int
-    ) -> None:
-        self._learner, self.n_samples = learner, n_samples
-        self._each = measurements / n_samples
+    def __init__(self, learner: Learner, targets: States, measurements: float) -> None:
+        self._learner, self._measurements = learner, measurements
         rows = learner.jacobian(*targets) @ learner.root
         moments = np.einsum('tjr,tjs->jrs', rows, rows) / len(rows)
         before = np.trace(moments, axis1=1, axis2=2)[:, None, None]
         self._moments = moments / np.where(before > 0.0, before, 1.0)
 
-    def shares(self, q: Array, dq: Array, ddq: Array) -> Array:
+    def __call__(self, states: States) -> float:
+        """Return the criterion; smaller is better."""
+        return float(np.mean(np.log(self.shares(states))))
+
+    def shares(self, states: States) -> Array:
         """Return the share of each joint's variance that is left after a motion, shape (n,)."""
-        inverse = self._covariance(_rows(self._learner, q, dq, ddq))
-        return np.asarray(np.einsum('jrs,rs->j', self._moments, inverse))
+        factor = self._factor(states)
+        covariance = cho_solve(factor, np.eye(len(factor[0])))
+        return np.asarray(np.einsum('jrs,rs->j', self._moments, covariance))
 
-    def __call__(self, q: Array, dq: Array, ddq: Array) -> tuple[float, Array]:
-        """Return the criterion and its gradient by q, dq and ddq, shape (3, N, n)."""
-        rows = _rows(self._learner, q, dq, ddq)
-        inverse = self._covariance(rows)
-        shares = np.einsum('jrs,rs->j', self._moments, inverse)
-        n = len(shares)
-        weighted = np.einsum('jrs,j->rs', self._moments, 1.0 / shares) / n
-        by_rows = -2.0 * self._each * rows @ (inverse @ weighted @ inverse)
-        weights = by_rows @ self._learner.root.T / self._learner.noise[:, None]
-        value = float(np.mean(np.log(shares)))
-        return value, self._learner.pullback(weights, q, dq, ddq)
-
-    def root_after(self, q: Array, dq: Array, ddq: Array) -> Array:
+    def root_after(self, states: States) -> Array:
         """Return a root of the covariance of the coordinates after a motion, shape (p, r)."""
-        lower, _ = _factor(_rows(self._learner, q, dq, ddq), self._each)
+        lower, _ = self._factor(states)
         return np.asarray(solve_triangular(np.tril(lower), self._learner.root.T, lower=True).T)
 
-    def _covariance(self, rows: Array) -> Array:
-        """Return A^-1, shape (r, r)."""
-        return np.asarray(cho_solve(_factor(rows, self._each), np.eye(rows.shape[2])))
-
-
-def _rows(learner: Learner, q: Array, dq: Array, ddq: Array) -> Array:
-    """Return J S in standard deviations of the noise, shape (N, n, r)."""
-    return np.asarray(learner.jacobian(q, dq, ddq) @ learner.root / learner.noise[:, None])
-
-
-def _factor(rows: Array, each: float) -> tuple[Array, bool]:
-    """Return the Cholesky factor of A where every state is measured so many times."""
-    flat = rows.reshape(-1, rows.shape[2])
-    lower, is_lower = cho_factor(np.eye(flat.shape[1]) + each * flat.T @ flat, lower=True)
-    return np.asarray(lower), bool(is_lower)
-
-
-class Information:
-    """Criterion of a motion: minus the mean log eigenvalue of A (D-optimality)."""
-
-    def __init__(self, learner: Learner, measurements: float, n_samples: int) -> None:
-        self._learner, self.n_samples = learner, n_samples
-        self._each = measurements / n_samples
-
-    def __call__(self, q: Array, dq: Array, ddq: Array) -> tuple[float, Array]:
-        """Return the criterion and its gradient by q, dq and ddq, shape (3, N, n)."""
-        rows = _rows(self._learner, q, dq, ddq)
-        factor = _factor(rows, self._each)
-        size = rows.shape[2]
-        value = -2.0 * float(np.sum(np.log(np.diagonal(factor[0])))) / size
-        by_rows = -2.0 * self._each / size * rows @ cho_solve(factor, np.eye(size))
-        weights = by_rows @ self._learner.root.T / self._learner.noise[:, None]
-        return value, self._learner.pullback(weights, q, dq, ddq)
-
-
-class MeanCriterion:
-    """The mean of criteria, as over arms that an unknown one may be."""
-
-    def __init__(self, criteria: Sequence[ExpectedError]) -> None:
-        self._criteria = tuple(criteria)
-        self.n_samples = max(each.n_samples for each in criteria)
-
-    def __call__(self, q: Array, dq: Array, ddq: Array) -> tuple[float, Array]:
-        """Return the mean and its gradient by q, dq and ddq, shape (3, N, n)."""
-        found = [each(q, dq, ddq) for each in self._criteria]
-        values, gradients = zip(*found, strict=True)
-        return float(np.mean(values)), np.mean(gradients, axis=0)
+    def _factor(self, states: States) -> tuple[Array, bool]:
+        """Return the Cholesky factor of A; evenly spaced states stand for all measurements."""
+        rows = self._learner.rows(states)
+        flat = rows.reshape(-1, rows.shape[2])
+        each = self._measurements / len(rows)
+        lower, is_lower = cho_factor(np.eye(flat.shape[1]) + each * flat.T @ flat, lower=True)
+        return np.asarray(lower), bool(is_lower)

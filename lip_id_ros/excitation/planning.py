@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 import os
 from typing import Any
 
@@ -10,43 +11,38 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.description.urdf import moving_joints, parse_description, urdf_text
 from lip_id_ros.errors import ConfigError, DataError, ModelError, shortened
-from lip_id_ros.excitation.arms import KnownArm, Learning
+from lip_id_ros.excitation.arms import known_arm, Learning
+from lip_id_ros.excitation.clearance import Clearance, clearance_of, Extremes
 from lip_id_ros.excitation.constraints import Constraint, Constraints, shrunk, TorqueLimits
 from lip_id_ros.excitation.design import (
+    Criterion,
     Design,
     design,
     first_criterion,
     measurements,
-    next_criterion,
     usual_targets,
 )
-from lip_id_ros.excitation.expected_error import States
+from lip_id_ros.excitation.expected_error import ExpectedError, States
 from lip_id_ros.excitation.joint_limits import (
     JointLimits,
     limits_from,
     posture_from,
     target_limits,
 )
-from lip_id_ros.excitation.self_collision import SelfCollision
 from lip_id_ros.excitation.series import FourierMotion, LimitedMotions, peaks
 from lip_id_ros.excitation.settings import (
     AS_MOTION,
     ExcitationConfig,
-    INFORMATION,
     MotionSettings,
-    NONE,
-    SpaceSettings,
     TargetSettings,
 )
-from lip_id_ros.excitation.space import is_limited, Space
 from lip_id_ros.excitation.trajectory_file import sampled, Trajectory, writer_for
 from lip_id_ros.joint_types import REVOLUTE
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.progress import Progress, silent
-from lip_id_ros.rigid_body import Chain
-from lip_id_ros.rigid_body.couplings import coupling_matrix
 from lip_id_ros.settings import read_sections
 
 LEAST_PER_PERIOD = 5.0
@@ -64,10 +60,10 @@ class ExcitingMotion:
     A designed motion with the limits that it keeps.
 
     `joint_names`, `joint_types`: from base to tip. `design`: the motion, its criterion, and those
-    of random motions within the same limits. `rate`: at which it is written [Hz]. `chain`,
-    `space`: where the joints are and may be; None without a URDF. `learning`: what a model
-    will have learned from it; None where there is no model. `for_information`: whether it is
-    designed for information on the parameters.
+    of all that were drawn. `rate`: at which it is written [Hz]. `clearance`: the links and what is
+    around them; None where nobody knows them. `unchecked`: a sentence on what nobody has checked,
+    empty for nothing. `learning`: what a model will have learned from it; None where there is no
+    model.
     """
 
     joint_names: tuple[str, ...]
@@ -75,10 +71,9 @@ class ExcitingMotion:
     limits: JointLimits
     design: Design
     rate: float
-    chain: Chain | None = None
-    space: SpaceSettings = field(default_factory=SpaceSettings)
+    clearance: Clearance | None = None
+    unchecked: str = ''
     learning: Learning | None = None
-    for_information: bool = False
 
     @property
     def motion(self) -> FourierMotion:
@@ -101,21 +96,15 @@ class ExcitingMotion:
         q = self.motion.derivative(self.motion.fine_times, 0)
         return np.array([q.min(axis=0), q.max(axis=0)])
 
-    def places(self, rate: float) -> Array:
-        """Return the ways of the joints but the first, and of the tool, (N, n, 3) [m]."""
-        assert self.chain is not None, 'places need a chain'
-        q = self.motion.derivative(self.motion.times(rate), 0)
-        return Space(self.space, self.chain, self.limits).points(q)[0]
+    @cached_property
+    def extremes(self) -> Extremes | None:
+        """The lowest and the farthest point of the motion; None where nobody knows the links."""
+        return None if self.clearance is None else self.clearance.extremes(self.motion)
 
     @property
-    def gains(self) -> tuple[float, float]:
-        """
-        Expected squared error in that of random motions: of their mean, and of the best.
-
-        Where information was asked for: the same of variances of parameters, as geometric means.
-        """
-        ratios = np.exp(self.design.criterion - self.design.random_criteria)
-        return float(1.0 / np.mean(1.0 / ratios)), float(ratios.max())
+    def gain(self) -> float:
+        """Expected squared error of torques, in that of the median draw."""
+        return float(np.exp(self.design.criterion - np.median(self.design.drawn)))
 
     def save(self, path: PathLike) -> None:
         """
@@ -147,6 +136,7 @@ def design_motion(
     settings : ExcitationConfig or path of a YAML file, optional
         Without limits of positions and velocities, those of the URDF are needed.
     urdf : path or text of a URDF, optional
+        Its links keep a distance from each other and from the floor.
     model : InverseDynamicsModel, optional
         What is known of the arm already. Its torques stay within limits, where there are any.
     targets : Dataset, optional
@@ -177,43 +167,39 @@ def design_motion(
             'targets are either a recording or the box of the section targets, but both are '
             'given; leave one out.'
         )
-    description = None if urdf is None else urdf_text(urdf)
+    text = None if urdf is None else urdf_text(urdf)
     if model is not None:
         config = of_model(config, model)
-    names, types, chain = joints_of(config.motion, description)
+    names, types, description = joints_of(config.motion, text)
+    if model is not None:
+        if description is not None:
+            _require_types(types, model.joint_types, description.place)
+        types = model.joint_types
     _require_rate(config.motion)
-    largest = limits_from(config.motion, names, description)
-    posture = posture_from(config.motion, largest)
+    largest = limits_from(config.motion, names, text)
+    clearance, unchecked = clearance_of(config.space, description, largest, model)
+    posture = _posture(config, largest, clearance)
     limits = shrunk(largest, posture, config.motion.size)
+    constraints = _constraints(clearance, limits, model)
+    constraints.require_posture(posture)
     motions = LimitedMotions(limits, posture, config.motion.duration_s, config.motion.harmonics)
-    apart = _links_apart(config, description, largest, model)
+
+    def designed(criterion: Criterion) -> Design:
+        return design(motions, criterion, config.search, progress, constraints)
+
+    found = names, types, limits
+    rate = config.motion.rate_hz
     if model is None:
-        constraints = _constraints(config, chain, limits, None, apart)
-        constraints.require_posture(posture)
         criterion = first_criterion(config, wanted_motions(config, limits, posture), limits, types)
-        found = design(motions, criterion, config.search, progress, constraints)
-        return ExcitingMotion(
-            names, types, limits, found, config.motion.rate_hz, chain, config.space
-        )
+        return ExcitingMotion(*found, designed(criterion), rate, clearance, unchecked)
     assert model.arm is not None, 'models without an arm have been refused'
-    if description is not None:
-        _require_types(types, model.joint_types, description[1])
-    learner, types = KnownArm(model.arm), model.joint_types
     states = (
         wanted_states(config, largest, posture) if targets is None else _states(targets, model)
     )
     count = measurements(config, model)
-    criterion = next_criterion(config, learner, states, count)
-    if chain is not None:
-        chain = chain._replace(couplings=model.arm.chain.couplings)
-    constraints = _constraints(config, chain, limits, model, apart)
-    constraints.require_posture(posture)
-    found = design(motions, criterion, config.search, progress, constraints)
-    learning = Learning(model, states, found.motion, count)
-    return ExcitingMotion(
-        *(names, types, limits, found, config.motion.rate_hz, chain, config.space, learning),
-        for_information=config.search.criterion == INFORMATION,
-    )
+    chosen = designed(ExpectedError(known_arm(model.arm), states, count))
+    learning = Learning(model, states, chosen.motion, count)
+    return ExcitingMotion(*found, chosen, rate, clearance, unchecked, learning)
 
 
 def _require_types(types: tuple[str, ...], expected: tuple[str, ...], urdf: str) -> None:
@@ -235,6 +221,13 @@ def _require_rate(settings: MotionSettings) -> None:
         )
 
 
+def _posture(config: ExcitationConfig, limits: JointLimits, clearance: Clearance | None) -> Array:
+    posture = posture_from(config.motion, limits)
+    if config.motion.posture or clearance is None:
+        return posture
+    return clearance.clear_posture(posture, limits)
+
+
 def wanted_states(config: ExcitationConfig, limits: JointLimits, posture: Array) -> States:
     """Return states of random motions for which torques will be wanted."""
     return usual_targets(config, wanted_motions(config, limits, posture))
@@ -251,43 +244,12 @@ def wanted_motions(
 
 
 def _constraints(
-    config: ExcitationConfig,
-    chain: Chain | None,
-    limits: JointLimits,
-    model: InverseDynamicsModel | None,
-    apart: list[Constraint],
+    clearance: Clearance | None, limits: JointLimits, model: InverseDynamicsModel | None
 ) -> Constraints:
-    found = [*apart]
+    found: list[Constraint] = [] if clearance is None else [clearance]
     if model is not None and limits.torque is not None:
         found.append(TorqueLimits(model, limits))
-    if is_limited(config.space):
-        if chain is None:
-            raise ConfigError(
-                'a floor, boxes or space.keep_in need a URDF, but there is none: torques do not '
-                'show how high the base is, how it is turned, nor where on its axis a joint is; '
-                'give a URDF, or leave them out.'
-            )
-        found.append(Space(config.space, chain, limits))
     return Constraints(found)
-
-
-def _links_apart(
-    config: ExcitationConfig,
-    description: tuple[str, str] | None,
-    limits: JointLimits,
-    model: InverseDynamicsModel | None,
-) -> list[Constraint]:
-    if config.space.self_distance_m == NONE:
-        return []
-    if description is None:
-        raise ConfigError(
-            'space.self_distance_m needs the shapes of the links, but there is no URDF; give one, '
-            'or set it to none.'
-        )
-    matrix = np.eye(len(limits.joint_names))
-    if model is not None and model.arm is not None:
-        matrix = coupling_matrix(model.arm.chain)
-    return [SelfCollision(description, limits, matrix, float(config.space.self_distance_m))]
 
 
 def of_model(config: ExcitationConfig, model: Any) -> ExcitationConfig:
@@ -331,18 +293,18 @@ def config_of(settings: Any) -> ExcitationConfig:
 
 
 def joints_of(
-    settings: MotionSettings, description: tuple[str, str] | None
-) -> tuple[tuple[str, ...], tuple[str, ...], Chain | None]:
-    """Return names and types of the joints, and the chain where there is a URDF (text, place)."""
-    if description is None:
+    settings: MotionSettings, urdf: tuple[str, str] | None
+) -> tuple[tuple[str, ...], tuple[str, ...], RobotDescription | None]:
+    """Return names and types of the joints, and the arm of a URDF (text, place), if any."""
+    if urdf is None:
         if not settings.joints:
             raise ConfigError(
                 'motion.joints must name the joints from base to tip where there is no URDF, but '
                 'it is empty; name them, or give a URDF.'
             )
         return settings.joints, (REVOLUTE,) * len(settings.joints), None
-    text, place = description
+    text, place = urdf
     moving = dict(zip(*moving_joints(text, place), strict=True))
     names = settings.joints or tuple(moving)
     types = tuple(moving.get(name, REVOLUTE) for name in names)
-    return names, types, parse_description(text, place, names, types).chain
+    return names, types, parse_description(text, place, names, types)

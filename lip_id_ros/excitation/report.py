@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 import os
 from pathlib import Path
@@ -15,11 +15,10 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.report import style
-from lip_id_ros.evaluation.report.page import Drawing, drawn, write_page
+from lip_id_ros.evaluation.report.page import drawn, write_page
 from lip_id_ros.excitation.motion_tables import (
-    gain_lines,
-    judged_by,
     learning_tables,
+    motion_lines,
     motion_table,
 )
 from lip_id_ros.excitation.planning import ExcitingMotion
@@ -31,8 +30,6 @@ MOTION = (
     'Positions, velocities, accelerations and, where there is a model, predicted torques with '
     'three standard deviations. Dashed lines are the limits.'
 )
-SPACE = 'Ways of the origins of the joints and of the tool, in the frame of the base.'
-CRITERION = '{} after random motions within the same limits.'
 
 
 def write_motion_report(
@@ -41,12 +38,12 @@ def write_motion_report(
     progress: Progress = silent,
 ) -> Path:
     """Write PNG plots and index.html, which embeds them and needs no network; return the page."""
-    pictures = drawn(_drawings(found), progress)
+    drawing = 'motion', 'Motion beside its limits', MOTION, partial(motion_figure, found)
+    pictures = drawn(iter([drawing]), progress)
     facts = (
         ('joints', ', '.join(found.joint_names)),
         ('duration', f'{found.motion.duration:g} s'),
         ('harmonics', str(found.motion.harmonics)),
-        ('chain', 'known' if found.chain is not None else 'unknown'),
     )
     return write_page(
         folder,
@@ -54,18 +51,10 @@ def write_motion_report(
         facts,
         (),
         [motion_table(found)],
-        gain_lines(found),
+        motion_lines(found),
         pictures,
         learning_tables(found),
     )
-
-
-def _drawings(found: ExcitingMotion) -> Iterator[Drawing]:
-    yield 'motion', 'Motion beside its limits', MOTION, partial(motion_figure, found)
-    if found.chain is not None:
-        yield 'space', 'Space that the arm sweeps', SPACE, partial(space_figure, found)
-    caption = CRITERION.format(judged_by(found))
-    yield 'criterion', 'Beside random motions', caption, partial(criterion_figure, found)
 
 
 def motion_figure(found: ExcitingMotion) -> Figure:
@@ -125,35 +114,3 @@ def _curve(panel: Axes, t: Array, values: Array, color: str, label: str) -> None
 def _limits(panel: Axes, values: tuple[float, float]) -> None:
     for value in values:
         panel.axhline(value, color=style.RESIDUAL, linewidth=0.9, linestyle='--')
-
-
-def space_figure(found: ExcitingMotion) -> Figure:
-    """Draw the ways of the joints and the tool, from two sides."""
-    places = found.places(RATE_HZ)
-    figure = Figure(figsize=(style.WIDTH, 5.6))
-    names = [*found.joint_names[1:], 'tool']
-    for number, azimuth in enumerate((-60.0, 30.0), start=1):
-        panel = figure.add_subplot(1, 2, number, projection='3d')
-        panel.view_init(elev=20.0, azim=azimuth)
-        for k, name in enumerate(names):
-            panel.plot(*places[:, k].T, linewidth=0.9, label=for_plot(name))
-        panel.set_aspect('equal')
-        panel.locator_params(nbins=4)
-        for axis in 'xyz':
-            getattr(panel, f'set_{axis}label')(f'{axis} [m]')
-    lines, labels = panel.get_legend_handles_labels()
-    figure.legend(lines, labels, loc='upper center', ncols=min(len(names), 6), fontsize='small')
-    return figure
-
-
-def criterion_figure(found: ExcitingMotion) -> Figure:
-    """Draw the criterion of random motions in that of the designed one."""
-    ratios = np.exp(found.design.random_criteria - found.design.criterion)
-    figure = Figure(figsize=(style.WIDTH, 2.6), layout=ConstrainedLayoutEngine())
-    panel = figure.subplots()
-    panel.plot(ratios, np.zeros_like(ratios), '|', color=style.TRUE, markersize=24)
-    panel.axvline(1.0, color=style.PREDICTED, linewidth=2.0)
-    panel.set_xscale('log')
-    panel.set_yticks([])
-    panel.set_xlabel('random motions, in the designed one (blue)')
-    return figure

@@ -15,6 +15,7 @@ from lip_id_ros.description.urdf import urdf_text
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.excitation.constraints import next_size
 from lip_id_ros.excitation.joint_limits import limits_from, posture_from
+from lip_id_ros.excitation.motion_tables import extreme_lines
 from lip_id_ros.excitation.planning import (
     config_of,
     design_motion,
@@ -58,6 +59,7 @@ class NextMotion:
     """
     A motion that is designed: its size, its states over time, and what is not known before it.
 
+    `sentences`: how far and how fast it goes, and what nobody has checked.
     `deviation_percent`: standard deviations of torques of motions within all limits, in percent of
     their root mean squares, per joint; empty where there is no model.
     """
@@ -65,13 +67,15 @@ class NextMotion:
     size: float
     trajectory: Trajectory
     deviation_percent: tuple[float, ...]
+    sentences: tuple[str, ...] = ()
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> NextMotion:
         """Return what `to_json` was made of."""
         names, *states = content['trajectory']
         trajectory = Trajectory(tuple(names), *map(np.array, states))
-        return cls(content['size'], trajectory, tuple(content['deviation_percent']))
+        deviations, sentences = (tuple(content[x]) for x in ('deviation_percent', 'sentences'))
+        return cls(content['size'], trajectory, deviations, sentences)
 
     def to_json(self) -> dict[str, Any]:
         """Return values for JSON."""
@@ -86,9 +90,9 @@ def next_motion(
     """
     Design the next motion.
 
-    It is as large as the model vouches for, at most twice the last one, and no larger than that
-    after a model that is not proven. Raises what `design_motion` does, and ConfigError if a joint
-    has no position.
+    It is as large as the model vouches for, at most twice the last one and `motion.size` of the
+    settings, and no larger than the last after a model that is not proven. Raises what
+    `design_motion` does, and ConfigError if a joint has no position.
     """
     model = InverseDynamicsModel.load(request.model_path) if request.model_path else None
     config = config_of(request.config_path or None)
@@ -100,8 +104,8 @@ def next_motion(
         config, motion=replace(config.motion, size=_size(request, config, urdf, model))
     )
     found = design_motion(config, urdf and urdf[0], model, progress=progress)
-    size = config.motion.size
-    return NextMotion(size, found.trajectory, _deviation_percent(found)), found
+    size, sentences = config.motion.size, tuple(extreme_lines(found))
+    return NextMotion(size, found.trajectory, _deviation_percent(found), sentences), found
 
 
 def _at_present(
@@ -126,17 +130,16 @@ def _size(
     urdf: Urdf | None,
     model: InverseDynamicsModel | None,
 ) -> float:
+    motion = config.motion
     if model is None:
-        return request.first_size
-    last = request.last_size or request.first_size
+        return min(request.first_size, motion.size)
+    last = min(request.last_size or request.first_size, motion.size)
     if missing_proof(model) is not None:
         return last
-    names, _, _ = joints_of(config.motion, urdf)
-    limits = limits_from(config.motion, names, urdf)
-    posture, motion = posture_from(config.motion, limits), config.motion
-    return next_size(
-        model, limits, posture, last, config.search.seed, motion.duration_s, motion.harmonics
-    )
+    names, _, _ = joints_of(motion, urdf)
+    limits = limits_from(motion, names, urdf)
+    posture, series = posture_from(motion, limits), (motion.duration_s, motion.harmonics)
+    return next_size(model, limits, posture, last, motion.size, config.search.seed, *series)
 
 
 def _deviation_percent(found: ExcitingMotion) -> tuple[float, ...]:

@@ -9,7 +9,6 @@ N).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,10 +104,9 @@ ORDERS = 4
 
 class LimitedMotions:
     """
-    Motions within limits, of any numbers x, shape (n, 2 H - 1).
+    Motions within limits, of any numbers x, shape (n, 2 H - 2).
 
-    The series of each joint is scaled until the first of its limits is touched, and then by exp y,
-    where y <= 0 is the last of its numbers.
+    The series of each joint is scaled until the first of its limits is touched.
     """
 
     def __init__(
@@ -132,47 +130,24 @@ class LimitedMotions:
             for sign in (1.0, -1.0)
         )
 
+    def random(self, rng: np.random.Generator) -> FourierMotion:
+        """Draw a motion without a preferred direction, as large as the limits allow."""
+        # one number more is drawn than is used: docs/reference/excitation.md has these seeds
+        return self.motion(rng.standard_normal((len(self._posture), self.free + 1))[:, :-1])
+
     @property
-    def shape(self) -> tuple[int, int]:
-        """Shape of x: joints, and free numbers of each."""
-        return len(self._posture), self._free.shape[1] + 1
-
-    def random(self, rng: np.random.Generator) -> Array:
-        """Draw x: shapes without a preferred direction, as large as the limits allow."""
-        x = rng.standard_normal(self.shape)
-        x[:, -1] = 0.0
-        return x
-
-    def projected(self, x: Array) -> Array:
-        """Return the nearest numbers whose motion touches a limit, or none."""
-        out = x.copy()
-        out[:, -1] = np.minimum(out[:, -1], 0.0)
-        return out
+    def free(self) -> int:
+        """Free numbers of each joint."""
+        return int(self._free.shape[1])
 
     def motion(self, x: Array) -> FourierMotion:
         """Return the motion of x; a joint whose numbers are zero stays at its posture."""
-        return self.with_pullback(x)[0]
-
-    def with_pullback(self, x: Array) -> tuple[FourierMotion, Callable[[Array], Array]]:
-        """Return the motion, and what makes gradients by its coefficients those by x."""
-        shapes, gain = x[:, :-1] @ self._free.T, np.exp(np.minimum(x[:, -1], 0.0))
+        shapes = x @ self._free.T
         values = self._basis @ shapes.T
         need = np.where(values >= 0.0, 1.0 / self._above, -1.0 / self._below) * values
-        active = np.argmax(need, axis=0)
-        joints = np.arange(len(shapes))
-        largest = need[active, joints]
-        scale = np.where(largest > 0.0, gain / np.where(largest > 0.0, largest, 1.0), 0.0)
-        coefficients = scale[:, None] * shapes
-        touching = self._basis[active]
-        at_limit = np.where(largest > 0.0, values[active, joints], 1.0)
-
-        def pullback(gradient: Array) -> Array:
-            along = np.sum(gradient * shapes, axis=1) / at_limit
-            by_shape = scale[:, None] * (gradient - along[:, None] * touching)
-            by_gain = np.sum(gradient * coefficients, axis=1)
-            return np.column_stack([by_shape @ self._free, by_gain])
-
-        return FourierMotion(self._posture, coefficients, self._duration), pullback
+        largest = need.max(axis=0)
+        scale = np.where(largest > 0.0, 1.0 / np.where(largest > 0.0, largest, 1.0), 0.0)
+        return FourierMotion(self._posture, scale[:, None] * shapes, self._duration)
 
 
 def peaks(motion: FourierMotion) -> Array:

@@ -8,8 +8,7 @@ from lip_id_ros.settings import executor_setting, setting, Settings
 from lip_id_ros.settings.settings import AT_START, PER_JOINT
 from lip_id_ros.signals.torque_steps import UNLIMITED
 
-ERROR, INFORMATION = 'error', 'information'
-NONE = 'none'
+BASE, NONE = 'base', 'none'
 AS_MOTION = 'motion'
 LARGEST = 1e6
 LONGEST_S = 3600.0
@@ -30,7 +29,8 @@ class MotionSettings(Settings):
         (), 'Joints from base to tip; empty for all that move in the URDF, or those of the model.'
     )
     posture: tuple[float, ...] = _per_joint(
-        'Where the motion starts and ends; empty for the middles of the position ranges.',
+        'Where the motion starts and ends; empty for a posture with room around it, near the '
+        'middles of the position ranges.',
         'rad or m',
     )
     duration_s: float = setting(
@@ -70,9 +70,9 @@ class MotionSettings(Settings):
         maximum=1.0,
     )
     size: float = setting(
-        1.0,
+        0.3,
         'Share of the way from the posture to each limit of the positions, and of all other '
-        'limits but those of torques, that the motion may use: less for a first, small one.',
+        'limits but those of torques, that a motion may use: the node excite grows up to it.',
         minimum=0.001,
         maximum=1.0,
     )
@@ -80,10 +80,16 @@ class MotionSettings(Settings):
 
 @dataclass(frozen=True)
 class SpaceSettings(Settings):
-    """Where joints and tool may be, in the frame of the base; needs a URDF."""
+    """Where links and tool may be, in the frame of a URDF, or of a model fitted with one."""
 
     floor_m: float | str = setting(
-        NONE, 'Height of the floor.', unit='m', minimum=-LARGEST, maximum=LARGEST, choices=(NONE,)
+        BASE,
+        'Height of the floor; the word base: of the link that carries the first joint; the word '
+        'none: no floor.',
+        unit='m',
+        minimum=-LARGEST,
+        maximum=LARGEST,
+        choices=(BASE, NONE),
     )
     boxes: tuple[float, ...] = setting(
         (),
@@ -97,26 +103,33 @@ class SpaceSettings(Settings):
     )
     tool: tuple[float, ...] = setting(
         (),
-        'Place of the tool in the frame of the last joint, x, y, z; empty for its origin.',
+        'Place of the tool in the frame of the last joint, x, y, z; empty for none beyond the '
+        'shapes of the URDF.',
         unit='m',
         minimum=-LARGEST,
         maximum=LARGEST,
     )
     margin_m: float = setting(
-        0.1,
-        'Distance that the origins of joints and the tool keep: half the thickness of the arm.',
+        0.05,
+        'Distance that links and tool keep from the floor, the boxes and the ends of keep_in.',
         unit='m',
-        minimum=0.0,
+        minimum=0.001,
         maximum=LARGEST,
     )
     self_distance_m: float | str = setting(
-        NONE,
-        'Distance that the links keep from each other, by the collision geometry of the URDF; '
-        'needs the extra sim.',
+        0.05,
+        'Distance that the links keep from each other; the word none: any.',
         unit='m',
         minimum=0.001,
         maximum=LARGEST,
         choices=(NONE,),
+    )
+    radius_m: float = setting(
+        0.1,
+        'Half the thickness of links that have no shape in the URDF.',
+        unit='m',
+        minimum=0.001,
+        maximum=LARGEST,
     )
 
 
@@ -124,15 +137,7 @@ class SpaceSettings(Settings):
 class SearchSettings(Settings):
     """The search for the best motion."""
 
-    criterion: str = setting(
-        ERROR,
-        'What is best where there is a model: the least expected error of torques, or the most '
-        'information on its parameters (D-optimality).',
-        choices=(ERROR, INFORMATION),
-    )
-    draws: int = setting(30, 'Random motions, of which the best are improved.', minimum=1)
-    starts: int = setting(3, 'How many of them are improved.', minimum=1)
-    steps: int = setting(150, 'Steps of the ascent of each.', minimum=0)
+    draws: int = setting(30, 'Random motions, of which the best is taken.', minimum=1)
     seed: int = setting(
         0, 'Seed of every random choice; the same seed gives the same motion.', minimum=0
     )
@@ -173,26 +178,7 @@ class RoundSettings(Settings):
 
     controller_action: str = setting(
         '',
-        'Action FollowJointTrajectory of the controller that moves the arm; must be given, unless '
-        'stream_rate_hz is.',
-        applies=AT_START,
-    )
-    stream_rate_hz: float | str = setting(
-        NONE,
-        'Rate at which positions are published on ~/commands and states on ~/reference, in place '
-        'of the action; the word none for the action.',
-        unit='Hz',
-        minimum=10.0,
-        maximum=1000.0,
-        choices=(NONE,),
-        applies=AT_START,
-    )
-    stop_s: float = setting(
-        0.25,
-        'Time in which a published motion comes to rest along its path where it is stopped.',
-        unit='s',
-        minimum=0.01,
-        maximum=5.0,
+        'Action FollowJointTrajectory of the controller that moves the arm; must be given.',
         applies=AT_START,
     )
     trainer: str = setting(
@@ -204,9 +190,9 @@ class RoundSettings(Settings):
         applies=AT_START,
     )
     use_robot_description: bool = setting(
-        False,
-        'Take joints and limits that the settings leave out from the URDF of the topic '
-        'robot_description.',
+        True,
+        'Take joints, limits and the shapes of the links from the URDF of the topic '
+        'robot_description; without it nobody checks floor and self-collision.',
         applies=AT_START,
     )
     model_path: str = setting(
@@ -234,7 +220,7 @@ class RoundSettings(Settings):
     )
     first_size: float = setting(
         0.1,
-        'motion.size of the first motion where nothing is known.',
+        'Size of the first motion where nothing is known, motion.size at most.',
         minimum=0.001,
         maximum=1.0,
         applies=AT_START,

@@ -32,6 +32,12 @@ class Trajectory(NamedTuple):
     dq: Array
     ddq: Array
 
+    def in_order(self, joint_names: Sequence[str]) -> Trajectory:
+        """Return the same motion with its joints in another order."""
+        columns = [self.joint_names.index(name) for name in joint_names]
+        states = (each[:, columns] for each in (self.q, self.dq, self.ddq))
+        return Trajectory(tuple(joint_names), self.t, *states)
+
 
 def sampled(motion: FourierMotion, joint_names: Sequence[str], rate: float) -> Trajectory:
     """Return the states of a motion at a rate [Hz], from its start to its end."""

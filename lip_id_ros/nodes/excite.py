@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from enum import StrEnum
@@ -10,24 +10,25 @@ import sys
 import time
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 from lip_id_ros.acquisition.job import Jobs, Task
+from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError, LipIdError
+from lip_id_ros.excitation.measured import Measured
 from lip_id_ros.excitation.rounds import MotionRequest, MotionWatch, NextMotion, numbered
-from lip_id_ros.excitation.settings import NONE, RoundSettings
+from lip_id_ros.excitation.settings import RoundSettings
 from lip_id_ros.excitation.trajectory_file import writer_for
-from lip_id_ros.nodes import messages, qos, running
+from lip_id_ros.nodes import qos, running
 from lip_id_ros.nodes.description import Description
 from lip_id_ros.nodes.motion_goal import HaltError, LONGEST_ANSWER_S, MotionGoal
-from lip_id_ros.nodes.motion_stream import MotionStream
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.running import outcome
+from lip_id_ros.nodes.trainer import Trainer
 from lip_id_ros.settings import parameters_of
 from lip_id_ros.signals.joints import by_joint
 from lip_id_ros.signals.status import Level, Status
@@ -64,32 +65,21 @@ class ExciteNode(NodeBase):
         self._stage, self._sentence = Stage.IDLE, 'call ~/start'
         self._round, self._size, self._model_path = 0, 0.0, settings.model_path
         self._deviations: list[tuple[float, ...]] = []
-        self._positions: dict[str, float] = {}
-        self._heard_of: dict[str, float] = {}
-        self._heard_at = -np.inf
+        self._measured = Measured(settings.stale_timeout_s)
+        self._heard_at = self._contact_heard_at = -np.inf
         self._watch: MotionWatch | None = None
-        self._moves = False
+        self._moves = self._monitored = False
         self._pending: Future | None = None
         self._halted: str | None = None
         self._names: tuple[str, ...] = ()
-        self._job: Mapping[str, Any] = {}
-        self._heard_of_job: Future | None = None
         self._limit = np.inf, ''
-        self._trainer = self.resolve_service_name(settings.trainer)
-        self._trainer_heard_at = np.inf  # no silence matters yet
         self._settled_at: float | None = None
         self._jobs = Jobs()
         self._description = Description(self) if settings.use_robot_description else None
-        self._mover = self._mover_of(settings)
-        self._record = self.create_client(SetBool, f'{settings.trainer}/record')
-        self._fit = self.create_client(Trigger, f'{settings.trainer}/fit')
-        self._end_disturbed = self.create_client(Trigger, f'{settings.trainer}/end_disturbed')
-        self.create_subscription(
-            DiagnosticStatus, f'{settings.trainer}/status', self._on_trainer, qos.LATCHED
+        self._mover = MotionGoal(
+            self, settings.controller_action, self._measured_now, self.publish_status
         )
-        self.create_subscription(
-            DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.DIAGNOSTICS
-        )
+        self._trainer = Trainer(self, settings.trainer)
         self.create_subscription(
             JointState, 'joint_states', self._on_joint_state, qos.SENSOR_STREAM
         )
@@ -104,7 +94,7 @@ class ExciteNode(NodeBase):
         self._halt('the node ends')
         self._mover.stop()
         if self._moves:
-            self._end_disturbed.call_async(Trigger.Request())
+            self._trainer.end(disturbed=True)
         self._jobs.stop()
 
     def status(self) -> Status:
@@ -116,6 +106,7 @@ class ExciteNode(NodeBase):
             'size': self._size,
             'model_path': self._model_path,
             'deviation_percent': [list(each) for each in self._deviations],
+            'held': dict(self._mover.held),
             'design': {'stage': self._jobs.state.stage, 'done': self._jobs.state.done},
         }
         return Status(level, f'{self._stage}: {self._sentence}{self._mover.doubt}', values)
@@ -133,7 +124,8 @@ class ExciteNode(NodeBase):
                     break
                 await self._confirmed(motion)
                 await self._moved(motion)
-                await self._fitted()
+                self._enter(Stage.FIT, f'motion {number} of {self._settings.rounds}')
+                self._model_path = await self._trainer.fitted(self._until)
                 self._size = motion.size
         except (LipIdError, OSError) as error:
             self._enter(Stage.STOPPED, str(error))
@@ -161,7 +153,7 @@ class ExciteNode(NodeBase):
             self._model_path,
             self._size,
             self._settings.first_size,
-            dict(self._positions),
+            dict(self._measured.positions),
             report and numbered(report, number),
         )
         path = numbered(self._settings.motion_path, number)
@@ -177,42 +169,48 @@ class ExciteNode(NodeBase):
         return bool(deviations) and max(deviations) < self._settings.enough_percent
 
     async def _confirmed(self, motion: NextMotion) -> None:
+        """Ask for leave, where nothing speaks against the motion already."""
+        names = motion.trajectory.joint_names
+        warning = await self._mover.require_joints(names, self._until)
+        if (reason := self._measured.reason_not_to_watch(names, time.monotonic())) is not None:
+            raise HaltError(reason)
+        sentences = ' '.join([*motion.sentences, *filter(None, [warning])])
         if not self._settings.confirm:
+            self.get_logger().info(f'motion {self._round}: {sentences}')
             return
-        t, peak = motion.trajectory.t, np.abs(motion.trajectory.dq).max()
         self._enter(
             Stage.LEAVE,
-            f'motion {self._round} of {self._settings.rounds} takes {t[-1]:.3g} s, at {peak:.3g} '
-            f'rad/s or m/s at most, {motion.size:.3g} of all limits; call ~/confirm or ~/stop',
+            f'motion {self._round} of {self._settings.rounds} takes '
+            f'{motion.trajectory.t[-1]:.3g} s, at {motion.size:.3g} of all limits. {sentences} '
+            'Call ~/confirm or ~/stop',
         )
         await self._until(Future(executor=self.executor))
 
     async def _moved(self, motion: NextMotion) -> None:
         """Execute a motion while `train` records."""
         names = motion.trajectory.joint_names
-        watch = self._watched(motion)
+        watch, disturbed = self._watched(motion), False
         self._require_posture(watch.posture, names)
         if (missing := self._mover.missing()) is not None:
             raise HaltError(missing)
+        await self._mover.require_joints(names, self._until)  # another one may have come
         try:
-            await self._asked(self._record, SetBool.Request(data=True))
-            self._trainer_heard_at = time.monotonic()
+            await self._trainer.record(self._until)
             await self._executed(motion, watch)
             await self._settled()
         except HaltError:
-            if self._moves:
-                self._end_disturbed.call_async(Trigger.Request())
+            disturbed = self._moves
             raise
         finally:
-            self._moves = False
-            self._watch, self._trainer_heard_at = None, np.inf
-            self._record.call_async(SetBool.Request(data=False))
+            self._moves, self._watch = False, None
+            self._trainer.end(disturbed)
 
     async def _executed(self, motion: NextMotion, watch: MotionWatch) -> None:
         self._require_posture(watch.posture, motion.trajectory.joint_names)  # now too
         self._enter(Stage.MOVE, f'motion {self._round} of {self._settings.rounds}')
         self._names = motion.trajectory.joint_names
-        self._heard_at = time.monotonic()
+        self._heard_at = now = time.monotonic()
+        self._monitored = now - self._contact_heard_at <= self._settings.stale_timeout_s
         self._watch, self._moves = watch, True  # the arm may move before the answer comes
         await self._mover.execute(motion.trajectory, self._until)
         self._watch = None
@@ -226,30 +224,6 @@ class ExciteNode(NodeBase):
             await self._until(Future(executor=self.executor))
         finally:
             self._settled_at = None
-
-    async def _fitted(self) -> None:
-        """Have `train` fit, and take the model."""
-        self._enter(Stage.FIT, f'motion {self._round} of {self._settings.rounds}')
-        before = self._job
-        await self._asked(self._fit, Trigger.Request())
-        self._trainer_heard_at = time.monotonic()
-        try:
-            while not _has_ended(self._job, before):
-                self._heard_of_job = Future(executor=self.executor)
-                await self._until(self._heard_of_job)
-        finally:
-            self._trainer_heard_at = np.inf
-        if self._job['state'] != 'done':
-            raise HaltError(f'the fit has ended without a model: {self._job.get("error", "")}')
-        self._model_path = self._job['result']['path']
-
-    async def _asked(self, client: Any, request: Any) -> None:
-        """Call a service of `train`; HaltError where it does not do as asked."""
-        if not client.service_is_ready():
-            raise HaltError(f'nobody offers {client.srv_name}; start the node train')
-        answer = await self._until(client.call_async(request), LONGEST_ANSWER_S, client.srv_name)
-        if not answer.success:
-            raise HaltError(f'{client.srv_name}: {answer.message}')
 
     # what halts them
 
@@ -286,24 +260,27 @@ class ExciteNode(NodeBase):
         if self._settled_at is not None and now > self._settled_at:
             self._settled_at = None
             self._go_on()
-        if now - self._trainer_heard_at > LONGEST_ANSWER_S:
-            self._halt(f'{self._trainer} is silent for {LONGEST_ANSWER_S:g} s; start it again')
+        if (silence := self._trainer.silence()) is not None:
+            self._halt(silence)
         if self._watch is None:
             return
-        if now - self._heard_at > self._settings.stale_timeout_s:
+        most = self._settings.stale_timeout_s
+        if now - self._heard_at > most:
             silence = f'{now - self._heard_at:.3g} s'
             self._halt(f'no joint state for {silence} that has all joints of the motion')
+        elif self._monitored and now - self._contact_heard_at > most:
+            self._halt(f'the monitor is silent for {now - self._contact_heard_at:.3g} s')
         elif lost is not None:
             self._halt(lost)
 
     def _on_joint_state(self, message: JointState) -> None:
         if len(message.position) != len(message.name):
             return  # of a publisher of something else
-        self._positions.update(zip(message.name, message.position, strict=True))
-        self._heard_of.update(dict.fromkeys(message.name, time.monotonic()))
+        now = time.monotonic()
+        self._measured.take(message.name, message.position, now)
         if self._watch is None or not set(self._names) <= set(message.name):
             return
-        self._heard_at = time.monotonic()
+        self._heard_at = now
         column = [message.name.index(name) for name in self._names]
         q = [message.position[k] for k in column]
         has_effort = len(message.effort) == len(message.name)
@@ -313,24 +290,19 @@ class ExciteNode(NodeBase):
             self._halt(reason)
 
     def _on_contact(self, message: Bool) -> None:
+        self._contact_heard_at = time.monotonic()
         if message.data and self._watch is not None:
             self._halt('the monitor has found a contact')
 
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        if any(each.name == self._trainer.lstrip('/') for each in message.status):
-            self._trainer_heard_at = max(self._trainer_heard_at, time.monotonic())
-
-    def _on_trainer(self, message: DiagnosticStatus) -> None:
-        self._job = messages.status_values(message).get('job', {})
-        if self._heard_of_job is not None and not self._heard_of_job.done():
-            self._heard_of_job.set_result(None)
+    def _measured_now(self, names: Sequence[str]) -> Array | None:
+        return self._measured.now_at(names, time.monotonic())
 
     # services
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._stage not in ENDED:
             return _answer(response, False, f'the node is {self._stage}; call ~/stop first')
-        if not self._positions:
+        if not self._measured.positions:
             return _answer(response, False, 'no joint state has come; start the driver')
         self._mover.forget()
         self._halted = None
@@ -354,12 +326,6 @@ class ExciteNode(NodeBase):
             self._jobs.cancel()
         return _answer(response, True, 'stopping; ~/status shows how it ends')
 
-    def _mover_of(self, settings: RoundSettings) -> MotionGoal | MotionStream:
-        if settings.stream_rate_hz == NONE:
-            return MotionGoal(self, settings.controller_action, self.publish_status)
-        rate = float(settings.stream_rate_hz)
-        return MotionStream(self, rate, settings.stop_s, self._positions)
-
     def _watched(self, motion: NextMotion) -> MotionWatch:
         names, settings = motion.trajectory.joint_names, self._settings
         limits = limits_in_numbers(settings.effort_limits)
@@ -369,36 +335,24 @@ class ExciteNode(NodeBase):
             by_joint('effort_limits', limits, names, names, np.inf),
         )
 
-    def _require_posture(self, posture: Any, names: tuple[str, ...]) -> None:
+    def _require_posture(self, posture: Array, names: tuple[str, ...]) -> None:
         tolerance = by_joint(
             'start_tolerance', self._settings.start_tolerance, names, names, np.inf
         )
-        now = time.monotonic()
-        for name, planned, most in zip(names, posture, tolerance, strict=True):
-            silence = now - self._heard_of.get(name, -np.inf)
-            if silence > self._settings.stale_timeout_s:
-                raise HaltError(f'no joint state of {name} for {silence:.3g} s; start the driver')
-            away = abs(self._positions.get(name, np.nan) - planned)
-            if not away <= most:
-                raise HaltError(
-                    f'{name} must be at {planned:.4g} for the motion, within start_tolerance, but '
-                    f'is {away:.3g} away; move the arm there'
-                )
+        reason = self._measured.reason_to_wait(names, posture, tolerance, time.monotonic())
+        if reason is not None:
+            raise HaltError(reason)
 
 
 def _require(settings: RoundSettings) -> None:
-    if bool(settings.controller_action) == (settings.stream_rate_hz != NONE):
+    if not settings.controller_action:
         raise ConfigError(
-            'either controller_action must be the action FollowJointTrajectory of the controller, '
-            'or stream_rate_hz the rate of states that are published instead; give one of them.'
+            'controller_action must be the action FollowJointTrajectory of the controller that '
+            'moves the arm; give it.'
         )
     writer_for(settings.motion_path)
     if settings.effort_limits == ():
         raise ConfigError('effort_limits must be given: numbers, or the word none for no limits.')
-
-
-def _has_ended(job: Mapping[str, Any], before: Mapping[str, Any]) -> bool:
-    return job.get('task') == 'fit' and job != before and job.get('state') != 'running'
 
 
 async def _passing(awaited: Any, pending: Future) -> None:

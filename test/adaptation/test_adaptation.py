@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 from adaptation.arms import (
     correlated_model,
@@ -26,7 +25,7 @@ from lip_id_ros.adaptation.kalman import DISTURBED, STUCK
 from lip_id_ros.adaptation.possible import can_exist
 from lip_id_ros.adaptation.trust import RecentErrors
 from lip_id_ros.errors import DataError, ModelError, ShapeError
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 
@@ -384,19 +383,6 @@ def test_a_fit_with_a_residual_process_is_the_model() -> None:
     np.testing.assert_allclose(found.frozen, expected, rtol=1e-9)
 
 
-def test_the_followed_model_is_a_model_like_any_other(tmp_path: Path) -> None:
-    model = known_model()
-    adaptation = Adaptation(model)
-    data = stream(with_friction(model, 0.6), 30.0)
-    adaptation.update(*data)
-    adaptation.model.save(tmp_path / 'now.npz')
-    loaded = InverseDynamicsModel.load(tmp_path / 'now.npz')
-    state = data.q, data.dq, data.ddq
-    np.testing.assert_array_equal(loaded.predict(*state).tau, adaptation.model.predict(*state).tau)
-    assert (loaded.torque_std(*state) > 0.0).all()
-    assert (np.linalg.eigvalsh(loaded.inertia_matrix(data.q)) > 0.0).all()
-
-
 @pytest.mark.parametrize(
     ('change', 'error', 'sentence'),
     [
@@ -419,20 +405,6 @@ def test_samples_that_cannot_be_used_are_refused_and_change_nothing(
     np.testing.assert_array_equal(adaptation.numbers, before)
 
 
-def test_time_does_not_go_back_between_calls() -> None:
-    model = known_model()
-    adaptation = Adaptation(model)
-    adaptation.update(*stream(model, 5.0))
-    with pytest.raises(DataError, match='do not go back'):
-        adaptation.update(*stream(model, 5.0))
-
-
-def test_no_samples_are_no_change() -> None:
-    model = known_model()
-    followed = Adaptation(model).update(*(x[:0] for x in stream(model, 1.0)))
-    assert followed.tau.shape == (0, model.n_joints)
-
-
 def test_a_process_on_energies_cannot_be_followed() -> None:
     with pytest.raises(ModelError, match='default kernel'):
         Adaptation(random_model(MEMBER))
@@ -448,17 +420,6 @@ def test_slopes_are_differences_of_torques_also_where_a_process_replaces_the_lin
     for k, step in enumerate(1e-5 * np.eye(arm.start.size)):
         above, below = (arm.linearised(arm.start + s, *states)[0] for s in (step, -step))
         np.testing.assert_allclose(slopes[..., k], (above - below) / 2e-5, atol=1e-6)
-
-
-def test_an_arm_without_friction_has_no_friction_that_changes() -> None:
-    model = known_model()
-    assert model.arm is not None
-    friction = FrictionModel(FrictionBasis(model.n_joints, ()), np.zeros(0))
-    root = model.arm.covariance_root[: 17 * model.n_joints]
-    without = replace(model, arm=replace(model.arm, friction=friction, covariance_root=root))
-    adaptation = Adaptation(without)
-    adaptation.update(*stream(without, 5.0))
-    assert changes(adaptation) == []
 
 
 @pytest.mark.parametrize('inflation', [None, np.nan])

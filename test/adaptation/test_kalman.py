@@ -99,18 +99,6 @@ def test_a_walk_returns_by_the_linear_map_of_its_process(seed: int, seconds: flo
     np.testing.assert_allclose(walk.growth(np.array(seconds)), 1.0 - kept**2, atol=1e-12)
 
 
-def test_numbers_that_nothing_shows_return_to_what_the_others_say_of_them() -> None:
-    walk, rng = random_walk(0)
-    case, centre = Case(0), rng.normal(size=SIZE)
-    mean, covariance = case.mean.copy(), case.covariance.copy()
-    walk.go_back(mean, covariance, centre, 1e3)
-    np.testing.assert_array_equal(mean[:2], case.mean[:2])
-    np.testing.assert_allclose(mean[2:], centre[2:] + walk.slopes @ (mean - centre)[:2])
-    by_others = walk.slopes @ case.covariance[:2, :2]
-    np.testing.assert_allclose(covariance[2:, :2], by_others)
-    np.testing.assert_allclose(covariance[2:, 2:], by_others @ walk.slopes.T, atol=1e-12)
-
-
 @given(seed=st.integers(0, 10_000))
 @settings(max_examples=50, deadline=None)
 def test_numbers_stay_within_their_bounds(seed: int) -> None:

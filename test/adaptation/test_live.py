@@ -17,7 +17,6 @@ from lip_id_ros.adaptation import live as live_module
 from lip_id_ros.adaptation.adapted_model import AdaptedModel
 from lip_id_ros.adaptation.follow_settings import FollowRules
 from lip_id_ros.adaptation.live import AdaptSettings, LiveAdaptation, payload_values, Step
-from lip_id_ros.adaptation.payloads import known_payload
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.model import EffortCalibration, InverseDynamicsModel
@@ -257,39 +256,6 @@ def test_a_payload_of_any_size_that_can_be_set_is_announced(path: str) -> None:
     assert np.isfinite(step.update.numbers).all()
 
 
-def test_a_payload_is_announced_before_the_first_joint_state(path: str) -> None:
-    found = live(path, payload_mass=0.5)
-    assert found.announce(True, 1000.0).startswith('The payload is 0.5 ± 0 kg')
-    assert found.announce(False, 1000.0) == 'The payload is gone.'
-
-
-def test_updates_stop_where_no_joint_state_can_be_used(path: str) -> None:
-    found = live(path)
-    feed(found, states(known_model(), 3.0))
-    for message in states(known_model(), 3.0, start=3.0):
-        with pytest.raises(RefusedError):
-            found.take(message._replace(effort=[np.nan] * 3))
-    assert found.step(4.0, 1004.0).update is None
-    summary = found.status(4.0).summary
-    assert summary == 'joint states refused: value not finite 150: no updates'
-
-
-def test_a_known_payload_is_no_disturbance(path: str) -> None:
-    model = known_model()
-    assert model.arm is not None
-    links = model.arm.links.copy()
-    links[-1, :-1] += known_payload(0.5, np.array([0.1, 0.0, 0.1]))
-    loaded = replace(model, arm=replace(model.arm, links=links))
-    found = live(path, payload_mass=0.5, payload_centre=(0.1, 0.0, 0.1))
-    found.announce(True, 1000.0)
-    feed(found, states(loaded, 20.0))
-    values = found.values()
-    assert values['disturbed'] == 0
-    assert values['learned'] > 200
-    assert values['payload'] == 'none'
-    assert found.announce(False, 1000.0) == 'At 1020.0 s the payload is gone.'
-
-
 def test_a_clock_that_was_set_back_is_followed(path: str) -> None:
     found = live(path)
     feed(found, states(known_model(), 5.0, start=100.0))
@@ -376,11 +342,6 @@ def test_a_joint_state_that_cannot_be_used_is_refused(
         found.take(message)
     assert refused.value.reason is reason
     assert found.values()['refused'] == {reason.value: 1}
-
-
-def test_a_centre_of_mass_has_three_numbers(path: str) -> None:
-    with pytest.raises(ConfigError, match='must hold three numbers'):
-        live(path, payload_centre=(0.0, 0.1))
 
 
 def test_joint_states_that_are_not_learned_from_in_time_do_not_fill_the_memory(

@@ -118,18 +118,6 @@ def test_an_announced_payload_is_told_whole_where_more_comes_and_gone_where_it_i
     assert np.sqrt(np.mean(error**2)) < 1.5 * NOISE
 
 
-def test_an_arm_with_a_payload_is_a_model_that_has_it() -> None:
-    model = known_model()
-    adaptation = Adaptation(model)
-    adaptation.update(*stream(model, 30.0))
-    loaded = with_payload(model, 1.0)
-    adaptation.update(*stream(loaded, 40.0, seed=1, start=30.0))
-    assert adaptation.payload is not None
-    later = stream(loaded, 20.0, seed=2)
-    error = adaptation.model.predict(*later[1:4]).tau - later.tau
-    assert np.sqrt(np.mean(error**2)) < 0.03
-
-
 def test_contacts_and_changes_of_friction_are_no_payloads() -> None:
     model = known_model()
     adaptation = Adaptation(model)
@@ -299,19 +287,3 @@ def test_a_payload_says_nothing_of_friction_after_a_pause() -> None:
     before = adaptation.numbers.copy()
     adaptation.pause(1e4)
     np.testing.assert_allclose(adaptation.numbers, before)
-
-
-def test_a_payload_that_was_found_says_nothing_of_friction_after_a_pause() -> None:
-    model = correlated_model()
-    adaptation = Adaptation(model)
-    bare, loaded = stream(model, 20.0), stream(with_payload(model, 1.0), 20.0, start=20.0)
-    adaptation.update(*bare)
-    adaptation.update(*loaded)
-    assert adaptation.payload is not None
-    friction, links = adaptation.arm.friction, adaptation.arm.last_body
-    adaptation.numbers[: friction.start] = adaptation.arm.start[: friction.start]
-    adaptation.numbers[links] += adaptation._found
-    adaptation.pause(1e6)
-    np.testing.assert_allclose(
-        adaptation.numbers[friction], adaptation.arm.start[friction], rtol=1e-9
-    )

@@ -9,7 +9,6 @@ import subprocess
 import sys
 
 from evaluation.models import small_model
-from export.arms import model_of, random_arm
 import numpy as np
 from programs import installed
 import pytest
@@ -138,49 +137,50 @@ def test_the_header_against_pinocchio(tmp_path: Path, capsys: pytest.CaptureFixt
 
 @pytest.mark.ros
 @pytest.mark.ros2_control
-def test_the_header_in_the_loop_of_a_controller_manager(
+def test_an_arm_behind_a_controller_is_learned_and_tracked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if installed('controller_manager', 'ros2_control_node') is None:
         pytest.skip('needs a controller manager; with g++ make setup compiles it')
-    model, figures = tmp_path / 'model.npz', tmp_path / 'figures.json'
-    model_of(random_arm('RR')).save(model)
-    arguments = ['--cycles', '2000', '--priorities', '0', '--model', str(model)]
-    with free_domain() as domain:
-        monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
-        assert main(['header_in_loop', *arguments, '--json', str(figures)]) == 0
-    rows = {row['part']: row for row in json.loads(figures.read_text())}
-    assert rows['controllers']['over_period'].endswith('of 2000')
-    assert rows['header']['over_period'].endswith('of 1000')
-    assert 0.0 < rows['header']['50'] < rows['controllers']['50']
-
-
-@pytest.mark.ros
-@pytest.mark.ros2_control
-def test_an_arm_behind_a_controller_is_tracked_with_each_feedforward(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if installed('controller_manager', 'ros2_control_node') is None:
-        pytest.skip('needs a controller manager; with g++ make setup compiles it')
-    model, figures = tmp_path / 'model.npz', tmp_path / 'figures.json'
-    model_of(track_controller.true_arm()).save(model)
-    arguments = ['--model', str(model), '--motions', 'point to point', '--json', str(figures)]
+    figures = tmp_path / 'figures.json'
+    arguments = ['--horizon', '4', '--amplitudes', '0.5', '--json', str(figures)]
     with free_domain() as domain:
         monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
         assert main(['track_controller', *arguments]) == 0
-    rows = json.loads(figures.read_text())
-    assert [row['feedforward'] for row in rows] == list(track_controller.WAYS)
-    none, kdl, *ours = (row['rms_mrad'] for row in rows)
-    assert max(ours) < kdl < none  # the model is that of the arm
+    rows = {row['feedforward']: row for row in json.loads(figures.read_text())}
+    nominal, learned = (
+        np.array(rows[name]['feedback_mean_square'])
+        for name in (track_controller.NOMINAL, track_controller.LEARNED)
+    )
+    assert np.exp(np.log(learned / nominal).mean()) < 0.3
 
 
-@pytest.mark.parametrize('name', list(track_controller.MOTIONS))
-def test_motions_begin_and_end_at_rest_and_fit_their_derivatives(name: str) -> None:
-    t, q, dq, ddq = track_controller.MOTIONS[name]()
+def test_the_reference_is_the_papers_and_begins_and_ends_at_rest() -> None:
+    amplitude, horizon, ease = 0.6, 10.0, track_controller.EASE_S
+    t, (q, dq, ddq) = track_controller.reference(amplitude, horizon)
+    since = t - ease
+    within = (since >= 0.0) & (since <= horizon)
+    swing = amplitude / horizon * since * np.cos(np.pi * since)
+    expected = track_controller.POSTURE + swing[:, None]
+    np.testing.assert_allclose(q[within], expected[within], atol=1e-12)
     np.testing.assert_allclose(dq[-1], 0.0, atol=1e-12)
-    np.testing.assert_allclose(q[0], track_controller.POSTURE, atol=1e-2)
-    np.testing.assert_allclose(np.gradient(q, t, axis=0)[1:-1], dq[1:-1], atol=0.02)
+    np.testing.assert_allclose(dq[0], 0.0, atol=1e-3)
+    np.testing.assert_allclose(np.gradient(q, t, axis=0)[1:-1], dq[1:-1], atol=2e-3)
     np.testing.assert_allclose(np.gradient(dq, t, axis=0)[1:-1], ddq[1:-1], atol=0.2)
+
+
+def test_a_nominal_model_is_wrong_in_its_masses_and_knows_no_friction() -> None:
+    known, arm = track_controller.feedforwards(0), track_controller.true_arm()
+    q, still = track_controller.POSTURE[None], np.zeros((1, 7))
+    moving = np.full((1, 7), 0.5)
+    true = arm.torque(q, still, still)
+    np.testing.assert_allclose(known[track_controller.KDL](q, still, still), true, atol=1e-9)
+    off = np.abs(known[track_controller.NOMINAL](q, still, still) - true)
+    assert 0.3 < off.max() < 10.0
+    rubbing = known[track_controller.INFORMED](q, moving, still)
+    rubbing -= known[track_controller.NOMINAL](q, moving, still)
+    sign = np.tanh(0.5 / track_controller.SIGN_WIDTH)
+    np.testing.assert_allclose(rubbing, track_controller.FRICTION * (0.5 + sign), atol=1e-9)
 
 
 def test_unknown_benchmark(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks._families import FAMILIES, FamilyArm, remembered
-from benchmarks.families import line, logs_of
+from benchmarks.families import FAMILIES, FamilyArm, logs_of, remembered, row_of
 from lip_id_ros.friction.dahl import dahl_states, Steps
 from lip_id_ros.joint_history import DISPLACEMENTS
 
@@ -49,4 +48,4 @@ def test_a_line_compares_the_default_with_the_best() -> None:
     }
     logs = logs_of(rows)
     assert logs.shape == (3, 4)
-    assert line('soft', logs) == '| soft | 2 | 1 | 8 | 2.00 |'
+    assert row_of('soft', logs) == '| soft | 2 | 1 | 8 | 2.00 |'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from excitation.cases import ARM
@@ -18,15 +19,17 @@ from lip_id_ros.excitation.rounds import (
     numbered,
 )
 from lip_id_ros.excitation.trajectory_file import Trajectory
+from lip_id_ros.model import InverseDynamicsModel
 
 NAMES = ('a', 'b')
 SETTINGS = """
 motion: {joints: [a, b], duration_s: 4.0, lower: [-1.0], upper: [1.0], velocity: [2.0]}
-search: {draws: 2, starts: 1, steps: 1}
+search: {draws: 2}
 """
 SETTINGS_OF_THREE = """
 motion: {duration_s: 4.0, velocity: [2.0, 2.0, 0.5], torque_limits: [1.0e4]}
-search: {draws: 2, starts: 1, steps: 1}
+space: {radius_m: 0.03}
+search: {draws: 2}
 """
 
 
@@ -111,7 +114,11 @@ def test_the_first_motion_is_small_and_begins_where_the_arm_is(tmp_path: Path) -
     assert 0.1 < np.abs(dq).max() <= 0.4
     assert (q.max(axis=0) <= [0.4 + 0.2 * 0.6, -0.3 + 0.2 * 1.3]).all()
     assert motion.deviation_percent == ()
+    (speed, unchecked) = motion.sentences
+    assert speed.startswith('Fastest joint: ')
+    assert unchecked.startswith('Nobody has checked the floor and self-collision')
     again = NextMotion.from_json(motion.to_json())
+    assert again.sentences == motion.sentences
     np.testing.assert_array_equal(again.trajectory.q, q)
 
 
@@ -122,6 +129,36 @@ def test_a_joint_without_a_position_is_named(tmp_path: Path) -> None:
 
 def test_motions_are_numbered() -> None:
     assert numbered('/data/motion.yaml', 2) == '/data/motion_2.yaml'
+
+
+@pytest.mark.parametrize(('last', 'size'), [(0.1, 0.2), (0.2, 0.3), (0.3, 0.3)])
+def test_the_floor_holds_in_every_round_which_grows_no_further_than_the_settings_have_it(
+    tmp_path: Path, last: float, size: float
+) -> None:
+    path = str(tmp_path / 'model.npz')
+    proven().save(path)
+    positions = {'turn': 0.0, 'lift': 0.35, 'slide': 0.3}  # 5 cm above what the floor allows
+    after = request(
+        tmp_path, model_path=path, description=ARM, positions=positions, last_size=last
+    )
+    (tmp_path / 'excite.yaml').write_text(SETTINGS_OF_THREE)
+    motion, found = next_motion(after)
+    assert motion.size == pytest.approx(size)
+    q = found.motion.derivative(found.motion.times(1e4), 0)
+    lowest = 0.3 - np.sin(q[:, 1]) * (0.2 + q[:, 2]) - 0.03
+    assert 0.05 <= lowest.min() < 0.09
+    assert f'{lowest.min():.2f} m above the base plane' in motion.sentences[0]
+
+
+def proven() -> InverseDynamicsModel:
+    """Return the model as one that was judged on unseen motion."""
+    summary = {
+        'unexplained_percent': [1.0] * 3,
+        'new_motion_s': 60.0,
+        'motion_s': 60.0,
+        'held_out': {'nmse_percent': [1.0] * 3, 'new_motion_s': 20.0},
+    }
+    return replace(model(), summary=summary)
 
 
 def test_deviations_are_what_was_not_known_before_the_motion(tmp_path: Path) -> None:

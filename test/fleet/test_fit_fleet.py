@@ -213,18 +213,6 @@ def test_the_model_is_saved_and_read(fleet: Fleet, tmp_path: Path) -> None:
     assert back.summary['contradicting_recordings'] is None
 
 
-def test_a_robot_description_is_the_prior(fleet: Fleet) -> None:
-    urdf = to_urdf(describe(fleet.result.model, 'arm').arm)
-    config = Config(fit=FitSettings(description=urdf, description_distance_m=0.01))
-    result = fit_fleet(fleet.sources[: fleet.good], config, PlainEngine())
-    assert not result.model.summary['description']['corrections']
-    arm, described = result.model.arm, describe(fleet.result.model, 'arm').arm
-    assert arm is not None
-    assert_allclose(arm.chain.rotations, described.chain.rotations, atol=0.02)
-    error = link_error(result.model, recording(ARM, np.zeros((2, 3)), seed=12345))
-    assert error < 0.01 * fleet.data[0].tau.std()
-
-
 def test_a_description_whose_inertials_have_changed_is_another(
     fleet: Fleet, tmp_path: Path
 ) -> None:
@@ -274,18 +262,6 @@ def test_an_episode_of_contact_is_told_with_the_name_of_its_recording(tmp_path: 
     # what a push leaves in the fit may contradict the rest elsewhere as well
     for name, begin in touched.items():
         assert begins[name] == pytest.approx(begin, abs=0.6)
-
-
-def test_a_recording_whose_drives_are_off_is_left_out(tmp_path: Path) -> None:
-    rng = np.random.default_rng(1)
-    data = [recording(ARM, friction_of(ARM, rng, 0.05), k, count=300) for k in range(5)]
-    data[2] = replace(data[2], tau=0.0 * data[2].tau, tau_noiseless=None)
-    sources = [save(each, tmp_path / f'{k}.npz', '') for k, each in enumerate(data)]
-    found = fit_fleet(sources, Config(), PlainEngine())
-    status = [each.status for each in found.recordings]
-    assert status == [FITTED, FITTED, EXCLUDED, FITTED, FITTED]
-    assert found.recordings[2].reason
-    assert np.isfinite(found.noise_std).all()
 
 
 def test_nothing_to_read_is_refused(fleet: Fleet) -> None:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 import os
 from pathlib import Path
-import signal
 import sys
-from typing import Any
 
 from fleet.fleets import arm_of, friction_of, recording, save
 from fleet.stores import object_store, upload
@@ -70,29 +67,3 @@ def test_a_fit_from_a_store_on_ray_is_that_from_the_disk(
     assert [each.status for each in stored.recordings] == [FITTED] * ROBOTS
     assert all(each.name.startswith('s3://') for each in stored.recordings)
     assert_array_equal(parameters(stored), parameters(disk))
-
-
-class Killing(LocalEngine):
-    killed = 0
-
-    def map(
-        self, function: Any, items: Any, progress: Any, keep: Callable[[int, Any], None]
-    ) -> Any:
-        def report(stage: str, done: int, total: int) -> None:
-            if done == 1 and self.pids:
-                os.kill(self.pids[0], signal.SIGKILL)
-                self.killed += 1
-            progress(stage, done, total)
-
-        return super().map(function, items, report, keep)
-
-
-def test_a_process_that_is_killed_changes_nothing(
-    folder: Path, plain: tuple[FleetResult, dict[str, bytes]]
-) -> None:
-    whole, placements = plain
-    engine = Killing(2)
-    with engine:
-        again = fit_fleet(find([str(folder)], GROUP), Config(), engine, dict(placements))
-    assert engine.killed >= 2
-    assert_array_equal(parameters(again), parameters(whole))

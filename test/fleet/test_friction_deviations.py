@@ -113,14 +113,6 @@ def test_the_start_does_not_matter(start: float) -> None:
         assert_allclose(getattr(other, name), values, rtol=1e-9, atol=1e-12)
 
 
-def test_few_recordings_have_one_friction() -> None:
-    features, residuals, group, _ = simulated(3, 1, 2)
-    found = effects_of(features, residuals, group).estimated(np.ones(K))
-    assert not found.recordings.any()
-    assert not found.groups.any()
-    assert not found.mean.any()
-
-
 def test_single_recordings_of_robots_deviate_as_recordings() -> None:
     features, residuals, group, _ = simulated(4, 40, 1)
     found = effects_of(features, residuals, group).estimated(np.ones(K))

@@ -10,18 +10,16 @@ from typing import Any
 from fleet.fleets import arm_of, friction_of, linearisation_of, recording
 from hypothesis import given, settings, strategies
 import numpy as np
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.fleet import model as fleet_model
-from lip_id_ros.fleet.placements import PlacedArm
-from lip_id_ros.fleet.results import SIGNALS, Survey
+from lip_id_ros.fleet.results import Survey
 from lip_id_ros.fleet.survey import gather_kept, survey_of
 from lip_id_ros.identification.linearisation import Linearisation
-from lip_id_ros.identification.residual_gp_selection import ResidualProcess
 from lip_id_ros.identification.sample_selection import measured
 from lip_id_ros.identification.total import gather, RecordingFactors, unpacked
 from lip_id_ros.rigid_body.chain import NO_COUPLINGS
@@ -124,11 +122,6 @@ def test_damaged_bytes_are_refused(cut: int) -> None:
         RecordingFactors.from_bytes(content[:cut])
 
 
-def test_bytes_of_another_kind_are_refused() -> None:
-    with pytest.raises(DataError, match='a Survey with all of its entries was expected'):
-        Survey.from_bytes(gather_kept(DATA, AROUND).to_bytes())
-
-
 def test_residuals_are_those_of_the_rows() -> None:
     """At the present parameters, of which steps of placements and widths are zero."""
     arm = arm_of(1, ('revolute', 'prismatic', 'revolute'))
@@ -141,42 +134,6 @@ def test_residuals_are_those_of_the_rows() -> None:
     for joint, (rows, own) in enumerate(zip(features, around.columns, strict=True)):
         found = target[:, joint] - rows @ now[np.concatenate(own)]
         assert_allclose(found, around.residual(data)[:, joint], atol=1e-10)
-
-
-def placed() -> PlacedArm:
-    arm = arm_of()
-    data = recording(arm, np.zeros((2, 3)), seed=0, count=20)
-    return PlacedArm(
-        joint_names=data.joint_names,
-        joint_types=data.joint_types,
-        rotations=arm.chain.rotations,
-        translations=arm.chain.translations,
-        gravity=arm.chain.gravity,
-        couplings=arm.chain.couplings,
-        links=arm.parameters,
-        friction='{}',
-        noise_std=np.ones(2),
-        noise_ratio=np.zeros(2),
-        noise_velocity=np.ones(2),
-        twists=np.full(2, np.nan),
-        meets=np.zeros(2, dtype=bool),
-        rigid=False,
-        report='{}',
-        excluded=(),
-        processes=(),
-        **{name: getattr(data, name) for name in (*SIGNALS, 'recording')},
-        gravity_compensated=False,
-    )
-
-
-def test_processes_are_kept() -> None:
-    process = ResidualProcess(True, np.array([0.3, 2.0]), 0.1, 0.25)
-    kept = placed().with_residual_gp([None, process])
-    first, second = PlacedArm.from_bytes(kept.to_bytes()).residual_gp
-    assert first is None
-    assert second is not None
-    assert (second.replaces, second.noise, second.left_out_std) == (True, 0.1, 0.25)
-    assert_array_equal(second.lengths, process.lengths)
 
 
 def test_processes_are_selected_by_the_recordings_that_placements_are(

@@ -15,7 +15,6 @@ import pytest
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import data_remarks, evaluate
-from lip_id_ros.fleet.engines import LocalEngine
 from lip_id_ros.fleet.fit import fit_fleet
 from lip_id_ros.fleet.passes import Passes
 from lip_id_ros.fleet.recordings import selected
@@ -52,7 +51,7 @@ def parameters(model: InverseDynamicsModel) -> tuple[object, ...]:
 
 
 @pytest.mark.slow
-def test_a_fit_with_holdout_is_one_to_the_rest_on_every_engine(tmp_path: Path) -> None:
+def test_a_fit_with_holdout_is_one_to_the_rest(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     data = [recording(ARM, friction_of(ARM, rng, 0.05), k) for k in range(4)]
     sources = [save(each, tmp_path / f'{k}.npz', '') for k, each in enumerate(data)]
@@ -60,22 +59,15 @@ def test_a_fit_with_holdout_is_one_to_the_rest_on_every_engine(tmp_path: Path) -
     part = save(first, tmp_path / 'part.npz', '')
     plain = fit_fleet([*sources[:2], part], Config(), PlainEngine())
     held_out = fit_fleet(sources, Config(), PlainEngine(), holdout=0.4)
-    with LocalEngine(2) as engine:
-        beside = fit_fleet(sources, Config(), engine, holdout=0.4)
-    for found, same, other in zip(
-        parameters(held_out.model), parameters(beside.model), parameters(plain.model), strict=True
-    ):
-        assert_array_equal(found, same)
+    for found, other in zip(parameters(held_out.model), parameters(plain.model), strict=True):
         assert_array_equal(found, other)
     assert [each.status for each in held_out.recordings] == [FITTED] * 3 + [HELD_OUT]
-    assert held_out.evaluation == beside.evaluation
     assert held_out.evaluation is not None
     whole = evaluate(plain.model, concatenate([last, data[3]]))
     assert held_out.evaluation.n_samples == whole.n_samples
     assert_allclose(held_out.evaluation.nmse_percent, whole.nmse_percent, rtol=1e-9)
     assert plain.evaluation is None
     judged = held_out.model.summary['held_out']
-    assert judged == beside.model.summary['held_out']
     assert_allclose(judged['nmse_percent'], whole.nmse_percent, rtol=1e-9)
     assert 0.0 < judged['new_motion_s'] < 16.0
 

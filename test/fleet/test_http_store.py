@@ -116,16 +116,6 @@ def test_a_replaced_file_is_read_again(server: Server) -> None:
     assert read(second) == b'other'
 
 
-def test_a_file_with_the_same_date_is_known_again(server: Server) -> None:
-    server.modified = 'Mon, 23 Nov 2026 10:00:00 GMT'
-    first = found(server.url)
-    assert found(server.url).fingerprint == first.fingerprint
-    server.modified = 'Mon, 23 Nov 2026 10:00:01 GMT'
-    assert found(server.url).fingerprint != first.fingerprint
-    with pytest.raises(TransferError, match=r'run\.mcap has changed since it was found; fit'):
-        read(first)
-
-
 def test_a_short_copy_is_begun_anew(server: Server, tmp_path: Path) -> None:
     server.content, server.ends = bytes(range(250)), [100, 0]
     (file,) = found(server.url).files
@@ -195,9 +185,3 @@ def test_a_server_that_refuses_connections_is_named(server: Server) -> None:
         port = free.getsockname()[1]
     with pytest.raises(TransferError, match=rf'{port}/a\.mcap must be in a store .*annot connect'):
         find([f'http://127.0.0.1:{port}/a.mcap'])
-
-
-def test_a_file_that_is_absent_is_no_recording(server: Server) -> None:
-    server.query = '?key'
-    with pytest.raises(SourceError, match='must name recordings, but there is none'):
-        find([server.url])

@@ -8,11 +8,9 @@ import re
 
 from fleet.results import made_up
 import numpy as np
-import pytest
 
 from lip_id_ros.cli.output import is_page
 from lip_id_ros.fleet.report import write_fleet_report
-from lip_id_ros.fleet.results import FleetResult
 
 
 def data_of(page: str) -> dict[str, list[str] | str]:
@@ -61,15 +59,3 @@ def test_a_page_is_known_by_its_maker(tmp_path: Path) -> None:
     (tmp_path / 'other.html').write_text('<html></html>')
     assert is_page(tmp_path / 'fleet.html')
     assert not is_page(tmp_path / 'other.html')
-
-
-def test_a_large_fleet_has_a_page_of_some_megabytes(tmp_path: Path) -> None:
-    write_fleet_report(tmp_path / 'fleet.html', made_up(10_000))
-    assert (tmp_path / 'fleet.html').stat().st_size < 10e6
-
-
-@pytest.mark.parametrize('count', [1, 2])
-def test_a_small_fleet_has_a_page(tmp_path: Path, count: int) -> None:
-    result: FleetResult = made_up(count)
-    write_fleet_report(tmp_path / 'fleet.html', result)
-    assert len(data_of((tmp_path / 'fleet.html').read_text())['names']) == count

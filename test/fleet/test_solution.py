@@ -87,15 +87,6 @@ def test_residuals_are_those_of_all_samples() -> None:
         assert_allclose(squares, expected, rtol=1e-6)
 
 
-def test_the_order_of_recordings_does_not_matter() -> None:
-    order = np.random.default_rng(0).permutation(len(DATA))
-    other = Total(AROUND, [TOTAL.recordings[k] for k in order], [GROUPS[k] for k in order])
-    deviations = FrictionDeviations(np.full(K, 0.05), np.full(K, 0.2))
-    factors = [each.merged(NOISE, deviations).factors for each in (TOTAL, other)]
-    for a, b in zip(*factors, strict=True):
-        assert_allclose(a.T @ a, b.T @ b, atol=1e-12 * np.abs(a).max() ** 2)
-
-
 @pytest.mark.parametrize('free', [False, True])
 def test_links_friction_and_noise_are_found(free: bool) -> None:
     known = replace(KNOWN, geometry=Geometry.free(N)) if free else KNOWN

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from friction.test_terms import coupled, EVERY
+from friction.test_terms import EVERY
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -81,15 +81,6 @@ def test_slopes_by_loads_by_differences(seed: int) -> None:
         state = q[row], dq[row], ddq[row], load[row]
         set_load_slopes(features, np.flatnonzero(loaded), model.coefficients, *state, fast[row])
     np.testing.assert_allclose(fast, found, atol=1e-12)
-
-
-def test_added_to_what_is_there() -> None:
-    model = coupled()
-    q, dq, ddq, load = np.random.default_rng(0).standard_normal((4, 3))
-    out = load.copy()
-    add_friction(CompiledFriction.of(model), q, dq, ddq, load, out)
-    expected = load + model.torque(q[None], dq[None], ddq[None], load[None])[0]
-    np.testing.assert_allclose(out, expected, rtol=1e-12)
 
 
 def test_no_friction_at_all() -> None:

@@ -88,15 +88,6 @@ def test_what_is_not_known_is_what_another_start_would_change(seed: int) -> None
     assert np.abs(known).max() <= 1.0
 
 
-def test_nothing_is_known_where_a_path_begins_at_rest() -> None:
-    _, q, _, _ = path(0)
-    begins = only_first(len(q))
-    begins[100] = True
-    states = dahl_states(steps_of(q, begins))
-    assert not states[[0, 100]].any()
-    assert np.array_equal(states[100:], dahl_states(steps_of(q[100:])))
-
-
 def test_a_path_that_begins_in_motion_has_moved_before() -> None:
     _, q, dq, _ = path(0)
     begins = only_first(len(q))

@@ -45,52 +45,6 @@ class Arm(ABC):
 
 
 @dataclass(frozen=True)
-class Pendulum(Arm):
-    """A mass on a rod; q = 0 hangs."""
-
-    mass: float = 0.8
-    length: float = 0.6
-    joint_types: tuple[str, ...] = ('revolute',)
-
-    def inertia(self, q: Array) -> Array:
-        return np.full((len(q), 1, 1), self.mass * self.length**2)
-
-    def coriolis(self, q: Array, dq: Array) -> Array:
-        return np.zeros_like(q)
-
-    def gravity(self, q: Array) -> Array:
-        return self.mass * G * self.length * np.sin(q)
-
-    def potential(self, q: Array) -> Array:
-        return -self.mass * G * self.length * np.cos(q[:, 0])
-
-
-@dataclass(frozen=True)
-class CartPole(Arm):
-    """A pendulum on a cart that moves sideways: prismatic, then revolute."""
-
-    cart: float = 1.5
-    mass: float = 0.8
-    length: float = 0.6
-    joint_types: tuple[str, ...] = ('prismatic', 'revolute')
-
-    def inertia(self, q: Array) -> Array:
-        coupling = self.mass * self.length * np.cos(q[:, 1])
-        return symmetric(self.cart + self.mass, coupling, self.mass * self.length**2, q)
-
-    def coriolis(self, q: Array, dq: Array) -> Array:
-        force = -self.mass * self.length * np.sin(q[:, 1]) * dq[:, 1] ** 2
-        return np.column_stack([force, np.zeros(len(q))])
-
-    def gravity(self, q: Array) -> Array:
-        torque = self.mass * G * self.length * np.sin(q[:, 1])
-        return np.column_stack([np.zeros(len(q)), torque])
-
-    def potential(self, q: Array) -> Array:
-        return -self.mass * G * self.length * np.cos(q[:, 1])
-
-
-@dataclass(frozen=True)
 class PolarArm(Arm):
     """A beam that turns in the vertical plane, with a mass that slides on it."""
 
@@ -187,8 +141,6 @@ def symmetric(first: Array | float, coupling: Array | float, second: float, q: A
 
 
 ARMS: dict[str, Arm] = {
-    'pendulum': Pendulum(),
-    'cart_pole': CartPole(),
     'polar': PolarArm(),
     'slider': Slider(),
     'two_links': TwoLinks(),

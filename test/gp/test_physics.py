@@ -12,7 +12,6 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.identification import fit
-from lip_id_ros.kernels import TorquePrior
 from lip_id_ros.kernels.torque_process import friction_coefficients
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.settings import FitSettings
@@ -21,8 +20,6 @@ MEMBERS = ('lip', 'recursive')
 CASES = [(name, member) for name in ARMS for member in MEMBERS]
 N_SAMPLES = 80
 ITERATIONS = 25
-STATE = ('q', 'dq', 'ddq')
-
 VISCOUS, COULOMB = np.array([0.8, 0.3]), np.array([1.5, 0.6])
 
 
@@ -78,61 +75,6 @@ def test_energies(name: str, member: str) -> None:
     potential = arm.potential(q) - arm.potential(reference)
     assert got.potential is not None
     assert_close(got.potential, potential, abs(potential).max())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(('name', 'member'), CASES)
-def test_noise_is_recovered(name: str, member: str) -> None:
-    model = learned(name, member)
-    true = 1e-3 * ARMS[name].torque(*random_motion(ARMS[name], N_SAMPLES, seed=0)).std(axis=0)
-    np.testing.assert_allclose(model.noise_std, true, rtol=0.2)
-
-
-@pytest.mark.parametrize('member', MEMBERS)
-def test_deviations_are_those_of_the_errors(member: str) -> None:
-    """Torques drawn from the prior lie about their posterior mean as its deviations say."""
-    model = learned('two_links', member)
-    prior, training = process_of(model).prior, process_of(model).states
-    queries = [x[:20] for x in unseen(ARMS['two_links'])]
-    both = prior.kernel.states(
-        *(np.vstack([getattr(training, name), x]) for name, x in zip(STATE, queries, strict=True))
-    )
-    rng, m = np.random.default_rng(5), training.q.size
-    gram = prior.gram(both)
-    values, vectors = np.linalg.eigh(gram)
-    drawn = vectors @ (
-        np.sqrt(np.maximum(values, 0.0))[:, None] * rng.normal(size=(len(gram), 400))
-    )
-    noise = np.tile(prior.hyperparameters.noise_variance, len(training))
-    measured = drawn[:m] + np.sqrt(noise)[:, None] * rng.normal(size=(m, 400))
-    mean = gram[m:, :m] @ np.linalg.solve(gram[:m, :m] + np.diag(noise), measured)
-    deviation = model.standard_deviation(*queries).tau.ravel()
-    scores = np.mean(((drawn[m:] - mean) / deviation[:, None]) ** 2, axis=1)
-    np.testing.assert_allclose(scores, 1.0, atol=0.35)  # five deviations of a mean of 400 squares
-    assert scores.mean() == pytest.approx(1.0, abs=0.1)
-
-
-@pytest.mark.parametrize('member', MEMBERS)
-@pytest.mark.parametrize('name', ['cart_pole', 'two_links'])
-def test_torques_without_noise(name: str, member: str) -> None:
-    """
-    The functions that a textbook arm needs are all there: little but rounding is left.
-
-    At the hyperparameters that a fit starts from: without noise its likelihood has no maximum, so
-    that rounding decides where a search ends.
-
-    """
-    arm = ARMS[name]
-    dataset = dataset_of(arm, random_motion(arm, N_SAMPLES, seed=0))
-    model = fit(dataset, FitSettings(kernel=member, friction=False, iterations=0))
-    at = process_of(model).prior.hyperparameters
-    exact = replace(at, noise_variance=1e-10 * at.noise_variance)
-    prior = TorquePrior(process_of(model).prior.kernel, exact)
-    process = with_prior(process_of(model), prior)
-    predictor = replace(model, process=process)
-    tau = arm.torque(*unseen(arm))
-    got = predictor.predict(*unseen(arm)).tau
-    np.testing.assert_allclose(got, tau, rtol=0.0, atol=1e-6 * abs(tau).max())
 
 
 @cache

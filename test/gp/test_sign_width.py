@@ -22,7 +22,7 @@ from lip_id_ros.gp.initialisation import (
 )
 from lip_id_ros.gp.training import MarginalLikelihood
 from lip_id_ros.identification import fit
-from lip_id_ros.kernels import FrictionKernel, TorqueKernel, TorquePrior
+from lip_id_ros.kernels import FrictionKernel, TorqueKernel
 from lip_id_ros.settings import FitSettings
 
 ARM = ARMS['polar']
@@ -70,13 +70,6 @@ def test_no_other_width_of_a_single_joint_is_likelier() -> None:
     assert found[last] == pytest.approx(best * SIGN_SHARE * USUAL[last])
 
 
-def test_without_friction_nothing_changes() -> None:
-    data = with_friction([0.1, 0.1])
-    kernel = make_kernel(data, FitSettings(friction=False), 'recursive')
-    at = initial_hyperparameters(kernel, data)
-    assert with_likely_sign_widths(kernel, at, data) is kernel
-
-
 def test_values_are_likelihoods_of_the_matrix_with_another_vector() -> None:
     rng = np.random.default_rng(5)
     now, *tried = rng.standard_normal((4, 12))
@@ -88,27 +81,6 @@ def test_values_are_likelihoods_of_the_matrix_with_another_vector() -> None:
         matrix = rest + np.outer(z, z)
         expected.append(0.5 * (y @ np.linalg.solve(matrix, y) + np.linalg.slogdet(matrix)[1]))
     np.testing.assert_allclose(np.diff(found), np.diff(expected), atol=1e-9)
-
-
-def test_each_joint_is_judged_with_widths_found_before(monkeypatch: pytest.MonkeyPatch) -> None:
-    data = with_friction([0.01, 0.4])
-    kernel = make_kernel(data, FitSettings(kernel='recursive'), 'recursive')
-    at = initial_hyperparameters(kernel, data)
-    grams: list[Array] = []
-    values = initialisation._values
-
-    def seen(gram: Array, *vectors: Array) -> list[float]:
-        grams.append(gram.copy())
-        return values(gram, *vectors)
-
-    monkeypatch.setattr(initialisation, '_values', seen)
-    found, widths = widths_of(with_likely_sign_widths(kernel, at, data)), widths_of(kernel).copy()
-    assert found[0] != widths[0]
-    widths[0] = found[0]
-    after_first = replace(kernel, friction=FrictionKernel(widths))
-    states = after_first.states(data.q, data.dq, data.ddq)
-    expected = TorquePrior(after_first, at).noisy_gram(states)
-    np.testing.assert_allclose(grams[1], expected, rtol=1e-9, atol=1e-12 * expected.max())
 
 
 @pytest.mark.parametrize('faster', [0.5, 3.0])

@@ -17,7 +17,6 @@ from lip_id_ros.gp.training import (
     Objective,
     Optimum,
     RANGE,
-    STAGE,
 )
 from lip_id_ros.kernels.gram import cross_gram
 from lip_id_ros.kernels.torque_process import friction_covariance
@@ -89,25 +88,6 @@ def test_cosine_and_sine_are_alike_in_the_prior() -> None:
     assert Objective(likelihood, likelihood.like, 0.0).penalty(at) == 0.0
 
 
-def test_a_strong_prior_keeps_all_but_the_noise() -> None:
-    likelihood = small()
-    found = improve(likelihood, 30, 1e6)
-    moved = abs(found.hyperparameters.vector() - likelihood.like.vector())
-    noise = likelihood.like.noise_variance.size
-    assert moved[:-noise].max() < 1e-3
-    assert moved[-noise:].max() > 0.1
-
-
-def test_no_iterations_keep_the_start() -> None:
-    likelihood = small()
-    found = improve(likelihood, 0, 0.05)
-    start = likelihood.like.vector()
-    np.testing.assert_allclose(found.hyperparameters.vector(), start, atol=1e-14)
-    assert found.iterations == 0
-    assert not found.converged
-    assert found.negative_log_likelihood == pytest.approx(value(likelihood, start))
-
-
 def test_what_runs_to_a_bound_is_named() -> None:
     """Noise explains random torques best: some weight goes as low as it may."""
     likelihood = small()
@@ -156,17 +136,6 @@ def test_a_start_that_cannot_be_factorised_is_an_error() -> None:
     away = likelihood.like.with_vector(likelihood.like.vector() + 1.0)
     with pytest.raises(FitError, match='beyond the wall'):
         maximise(Objective(likelihood, likelihood.like, 0.0), away, 10)
-
-
-def test_progress_is_reported() -> None:
-    likelihood = small()
-    calls: list[tuple[str, int, int]] = []
-    objective = Objective(likelihood, likelihood.like, 0.05)
-    found = maximise(objective, likelihood.like, 5, lambda *call: calls.append(call))
-    steps = [(STAGE, done, 5) for done in range(found.iterations + 1)]
-    assert calls == [*steps, (STAGE, 5, 5)]
-    maximise(objective, likelihood.like, 0, lambda *call: calls.append(call), 'other')
-    assert calls[-1] == ('other', 0, 0)
 
 
 def dense_covariance(likelihood: MarginalLikelihood) -> Array:

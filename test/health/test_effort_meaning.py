@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks._arms import RandomArm
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.health.effort_meaning import diagnose_effort, orders
+from lip_id_ros.health.effort_meaning import diagnose_effort
 
 pytestmark = pytest.mark.slow
 
@@ -74,11 +74,6 @@ def test_scales_are_those_that_were_put_in() -> None:
     (finding,) = diagnose_effort(replace(dataset, tau=dataset.tau * scale))
     written = finding.text.split('[')[1].split(']')[0]
     np.testing.assert_allclose([float(x) for x in written.split(',')], 1.0 / scale, rtol=0.05)
-
-
-def test_orders_that_are_tried() -> None:
-    tried = orders(('b', 'a', 'c'))
-    assert tried == [('a', 'b', 'c'), ('c', 'a', 'b'), ('b', 'c', 'a')]
 
 
 def test_positions_in_revolutions_are_found_by_links() -> None:

@@ -52,13 +52,6 @@ def test_a_clipped_signal_is_clipped(seed: int, noise: float, side: float) -> No
     assert Signal(values).clipped_share == 0.0
 
 
-def test_the_longest_plateau_is_that_of_the_longest_time() -> None:
-    t = np.array([0.0, 1.0, 2.0, 3.0, 9.0, 10.0])
-    values = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 3.0])
-    assert Signal(values).longest_plateau(t) == (3, 4)
-    assert Signal(np.array([1.0])).longest_plateau(t[:1]) == (0, 0)
-
-
 REFERENCE = Path(__file__).resolve().parents[2] / 'docs' / 'reference'
 PAGE = (REFERENCE / 'health.md').read_text(encoding='utf-8')
 
@@ -77,8 +70,3 @@ def test_the_figures_are_those_of_the_code() -> None:
     text = PAGE.partition('In JSON,')[2].partition('## How')[0]
     named = set(re.findall(r'`(\w+)`', text))
     assert set(described) | set(described['joints']['arm_joint1']) <= named
-
-
-def test_codes_are_unique() -> None:
-    codes = [check.code for check in CHECKS]
-    assert len(set(codes)) == len(codes)

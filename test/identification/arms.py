@@ -1,6 +1,8 @@
-"""Samples of simulated arms for kinematic calibration."""
+"""Samples of simulated arms for kinematic calibration, and gradients of costs."""
 
 from __future__ import annotations
+
+from typing import Any
 
 from gp.arms import noise_of
 from gp.chains import ChainArm, random_arm
@@ -34,3 +36,13 @@ def samples_of(
         np.ones_like(tau),
     )  # fmt: skip
     return arm, samples
+
+
+def assert_gradient(problem: Any, at: Any, rtol: float, atol: float) -> None:
+    """Compare the gradient of a cost with differences; `atol` is a share of its largest entry."""
+    step, (_, found) = 1e-6, problem.normal_equations(at)
+    expected = [
+        (problem.stepped(at, way).cost - problem.stepped(at, -way).cost) / (2.0 * step)
+        for way in step * np.eye(len(found))
+    ]
+    np.testing.assert_allclose(found, expected, rtol=rtol, atol=atol * np.abs(expected).max())

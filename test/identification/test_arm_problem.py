@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gp.chains import P, R
-from identification.arms import samples_of
+from identification.arms import assert_gradient, samples_of
 import numpy as np
 import pytest
 from rigid_body.arms import angles_between, distances_between
@@ -56,19 +56,7 @@ def test_the_jacobian_by_differences(joint_types: tuple[str, ...]) -> None:
 @pytest.mark.parametrize('joint_types', ARMS)
 def test_the_gradient_by_differences(joint_types: tuple[str, ...]) -> None:
     problem, state, _ = problem_of(joint_types)
-    _, found = problem.normal_equations(state)
-    step = 1e-6
-    expected = [
-        (problem.stepped(state, way).cost - problem.stepped(state, -way).cost) / (2.0 * step)
-        for way in step * np.eye(len(found))
-    ]
-    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6 * np.abs(expected).max())
-
-
-def test_a_state_holds_the_parameters_that_it_was_made_of() -> None:
-    problem, state, links = problem_of((R, R, R))
-    np.testing.assert_allclose(problem.links(state), links, rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(problem.coefficients(state), [0.7, -0.4])
+    assert_gradient(problem, state, rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize('joint_types', ARMS)
@@ -115,38 +103,6 @@ def test_the_prior_of_links_is_quadratic_near_its_centre() -> None:
     found = np.einsum('na,nab,nb->', change, precision, change)
     still = prior.precision[-22:] * numbers.ravel()
     assert found == pytest.approx(still @ still, rel=1e-2)
-
-
-def test_true_links_are_found_from_wrong_ones() -> None:
-    arm, samples = samples_of((R, R, R), noise=1e-4)
-    noise_std = 1e-4 * samples.tau.std(axis=0)
-    problem = ArmProblem(samples, noise_std, np.zeros(0, dtype=bool), prior_of((R, R, R)))
-    wrong = arm.parameters * np.array([1.5, *[0.5] * 3, *[1.3] * 7])
-    start = problem.start(arm.chain, wrong, np.zeros(0))
-    end = problem.minimised(start, 60)
-    unseen = arm.motion(50, seed=1)
-    torque = problem.torque(end)
-    assert np.sqrt(np.mean((torque - samples.tau) ** 2, axis=0)) == pytest.approx(
-        noise_std, rel=0.2
-    )
-    tau = arm.torque(*unseen)
-    other = replace(samples, q=unseen[0], dq=unseen[1], ddq=unseen[2], tau=tau,
-                    friction=np.zeros((*tau.shape, 0)), weights=np.ones_like(tau))  # fmt: skip
-    found = ArmProblem(other, noise_std, np.zeros(0, dtype=bool), prior_of((R, R, R))).torque(end)
-    np.testing.assert_allclose(found, tau, atol=1e-3 * np.abs(tau).max())
-
-
-def test_positive_coefficients_stay_positive() -> None:
-    problem, state, _ = problem_of((R, R))
-    for step in (-50.0, 5.0):
-        moved = problem.stepped(state, np.full(len(problem.normal_equations(state)[1]), step))
-        assert problem.coefficients(moved)[0] >= 0.0
-
-
-def test_links_that_are_not_finite_are_refused() -> None:
-    problem, state, links = problem_of((R, R))
-    with pytest.raises(FitError, match='check the data for values beyond'):
-        problem.start(state.chain, np.full_like(links, np.nan), np.zeros(2))
 
 
 def test_a_geometry_is_kept_by_every_step() -> None:

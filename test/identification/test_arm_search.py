@@ -86,12 +86,3 @@ def test_torques_that_links_nearly_explain_are_searched_once(stiffness: float) -
     search, _ = find_placements(fitter, 0, note)
     assert not search.terms
     assert len(stages) == 1
-
-
-def test_samples_of_a_search_with_springs_keep_them() -> None:
-    arm = random_arm((R, R), seed=1)
-    data = dataset_of(arm, arm.motion(150, seed=0))
-    stiff = replace(data, tau=data.tau + np.array([40.0, 0.0]) * data.q)
-    search = ArmSearch(ArmFitter(data)).with_springs().of(ArmFitter(stiff))
-    calibration = search.recalibrated(search.calibrated(0, silent))
-    assert (calibration.noise_std < 1e-3 * search.fitter.torque_std).all()

@@ -4,30 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
-import re
-import xml.etree.ElementTree as ET
 
+from identification.arms import assert_gradient
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from simulation.panda_runs import runs
 
-from benchmarks._closed_loop import FrictionalArm
+from benchmarks._changed_arms import FrictionalArm, JointFriction
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.errors import ConfigError
-from lip_id_ros.export.arm import ArmDescription, describe, JointRanges
-from lip_id_ros.export.payload import payload_in_flange
+from lip_id_ros.export.arm import ArmDescription, JointRanges
 from lip_id_ros.export.urdf_template import fill_template
 from lip_id_ros.friction.model import FrictionModel, plain_friction
 from lip_id_ros.identification import fit
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.arm_prior import ArmPrior, DescriptionSettings
 from lip_id_ros.identification.description_doubts import doubts, reversed_axis
-from lip_id_ros.identification.payload import identify_payload
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.denavit_hartenberg import (
@@ -37,10 +33,9 @@ from lip_id_ros.rigid_body.denavit_hartenberg import (
     with_standard_frames,
 )
 from lip_id_ros.rigid_body.pseudo_inertia import link_parameters, scale_of
-from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 from lip_id_ros.settings import FitSettings
-from lip_id_ros.simulation import JointFriction, make_dataset, panda, SinusoidTrajectory
+from lip_id_ros.simulation import make_dataset, panda, SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION, panda_urdf
 
 pytest.importorskip('pinocchio')
@@ -113,60 +108,6 @@ def test_origins_are_found(fitted: InverseDynamicsModel) -> None:
 
 
 @pytest.mark.slow
-def test_the_frames_stay_those_of_the_file(fitted: InverseDynamicsModel) -> None:
-    assert fitted.arm is not None
-    before = load_description(perturbed(0), NAMES, TYPES)
-    report = fitted.summary['description']
-    assert report['fingerprint'] == before.fingerprint
-    assert max(report['turns_deg']) < 3.0
-    assert max(report['shifts_m']) < 0.01
-    assert report['corrections'] == []
-    turned = before.chain.rotations.swapaxes(1, 2) @ fitted.arm.chain.rotations
-    angles = np.linalg.norm(Rotation.from_matrix(turned).as_rotvec(), axis=1)
-    np.testing.assert_allclose(np.degrees(angles), report['turns_deg'], atol=1e-6)
-
-
-@pytest.mark.slow
-def test_only_what_was_fitted_changes_in_the_file(fitted: InverseDynamicsModel) -> None:
-    before = perturbed(0)
-    description = load_description(before, NAMES, TYPES)
-    arm = describe(fitted, 'panda').in_model_frames
-    after = fill_template(arm, description, origins=True)
-    again = load_description(after, NAMES, TYPES)
-    np.testing.assert_allclose(again.chain.rotations, arm.chain.rotations, atol=1e-9)
-    np.testing.assert_allclose(again.chain.translations, arm.chain.translations, atol=1e-9)
-    lines = [text.splitlines(keepends=True) for text in (before, after)]
-    changed = [pair for pair in zip(*lines, strict=True) if pair[0] != pair[1]]
-    tags = {re.findall(r'<(\w+)', line)[0] for pair in changed for line in pair}
-    assert tags == {'inertia', 'mass', 'dynamics', 'origin'}
-    parents = [element for text in (before, after) for element in ET.fromstring(text).iter()]
-    half = len(parents) // 2
-    for old, new in zip(parents[:half], parents[half:], strict=True):
-        moved = [x.tag for x, y in zip(old, new, strict=True) if x.attrib != y.attrib]
-        assert set(moved) <= {
-            'inertial': {'origin', 'mass', 'inertia'},
-            'joint': {'origin', 'dynamics'} if old.get('name') in NAMES else set(),
-        }.get(old.tag, set())
-
-
-@pytest.mark.slow
-def test_a_payload_of_a_learned_arm(fitted: InverseDynamicsModel) -> None:
-    """One kilogram, 5 cm beside the last axis, from 20 s of motion."""
-    centre = np.array([0.05, 0.0, 0.107])
-    inertia = 1e-3 * np.eye(3) + centre @ centre * np.eye(3) - np.outer(centre, centre)
-    body = np.array([1.0, *centre, *inertia[np.triu_indices(3)]])
-    links = np.zeros((N, 11))
-    links[-1, :10] = body
-    data = motion(10, 20, 50)
-    load = torque_regressor(truth().chain, data.q, data.dq, data.ddq) @ links.ravel()
-    known = with_standard_frames(truth().chain, links)[1][-1, :10]
-    loaded = replace(data, tau=data.tau + load)
-    found = payload_in_flange(identify_payload(fitted, loaded), 0.0, 0.0)
-    assert found.mass == pytest.approx(1.0, rel=0.01)
-    np.testing.assert_allclose(found.centre, known[1:4], atol=2e-3)
-
-
-@pytest.mark.slow
 def test_placements_can_be_fixed() -> None:
     """Of a file that is wrong, with noise that would move them too."""
     data, text = runs(3, 150, noise=0.05)[0], perturbed(0)
@@ -194,13 +135,12 @@ def test_a_fit_to_nearly_exact_torques_reaches_their_noise() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(('joint', 'name'), [(1, 'panda_joint2'), (5, 'panda_joint6')])
-def test_a_reversed_joint_is_noticed(joint: int, name: str) -> None:
-    text = urdf_of(reversed_axis(truth().chain, joint), truth().links)
+def test_a_reversed_joint_is_noticed() -> None:
+    text = urdf_of(reversed_axis(truth().chain, 1), truth().links)
     description = load_description(text, NAMES, TYPES)
     found = doubts(*started(description), description)
     assert len(found.corrections) == 1
-    assert f'joint {name!r} moves the other way' in found.corrections[0]
+    assert "joint 'panda_joint2' moves the other way" in found.corrections[0]
     assert 'is not the description of this arm as it was recorded' in found.sentences[0]
 
 
@@ -244,13 +184,7 @@ def test_the_gradient_with_a_description_by_differences() -> None:
     fitter, fit_ = started(load_description(perturbed(1), NAMES, TYPES))
     problem = fitter.problem(data, fit_)
     state = problem.evaluated(fit_.state)
-    _, found = problem.normal_equations(state)
-    step = 1e-6
-    expected = [
-        (problem.stepped(state, way).cost - problem.stepped(state, -way).cost) / (2.0 * step)
-        for way in step * np.eye(len(found))
-    ]
-    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-5 * np.abs(expected).max())
+    assert_gradient(problem, state, rtol=1e-3, atol=1e-5)
 
 
 @pytest.mark.parametrize('kernel', ['recursive', 'articulated'])
@@ -258,9 +192,3 @@ def test_a_description_needs_an_articulated_fit(kernel: str) -> None:
     data = motion(0, 20, 25).select(np.arange(12))
     with pytest.raises(ConfigError, match='is the prior of an articulated fit to at least 14'):
         fit(data, FitSettings(description='arm.urdf', kernel=kernel))
-
-
-def test_a_description_that_is_missing(tmp_path: Path) -> None:
-    data = motion(0, 20, 25)
-    with pytest.raises(FileNotFoundError):
-        fit(data, FitSettings(description=str(tmp_path / 'arm.urdf')))

@@ -88,7 +88,7 @@ def torques_of_no_arm(kind: str) -> Dataset:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('kind', ['noise', 'steps', 'squares'])
+@pytest.mark.parametrize('kind', ['steps', 'squares'])
 def test_torques_that_no_arm_makes_take_a_bounded_number_of_evaluations(
     counts: Counter[str], kind: str
 ) -> None:

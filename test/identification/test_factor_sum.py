@@ -142,18 +142,6 @@ def test_a_column_that_is_no_longer_that_of_others_is_seen(size: float) -> None:
     assert_same(added(parts).factor(), by_rotations(parts), 1e-12)
 
 
-def test_columns_of_others_are_found_wherever_they_stand() -> None:
-    rng = np.random.default_rng(0)
-    rows = rng.standard_normal((100, SIZE))
-    rows[:, 0] = 0.0
-    rows[:, 2], rows[:, 7] = 3.0 * rows[:, 1], rows[:, 3] - rows[:, 4]
-    metric = Metric.of(triangular(rows), 100)
-    assert metric is not None
-    assert metric.own.tolist() == [1, 3, 4, 5, 6]
-    assert_allclose(metric.rows.T @ metric.rows, rows.T @ rows, atol=1e-12)
-    assert np.abs(rows @ metric.check).max() <= metric.bound
-
-
 def test_a_column_is_not_hidden_by_another_that_is_nearly_explained() -> None:
     """Without the second column the third is nothing that the first explains."""
     rng = np.random.default_rng(0)
@@ -171,21 +159,3 @@ def test_values_that_are_not_finite_are_not_lost(bad: float, first: int) -> None
     rows = np.random.default_rng(0).standard_normal((1000, SIZE))
     rows[first, 2] = bad
     assert not np.isfinite(added(np.array_split(rows, 10)).factor()).all()
-
-
-def test_rows_that_begin_with_zeros_end_no_library_call(capfd: pytest.CaptureFixture[str]) -> None:
-    """BLAS prints where a matrix has no columns."""
-    rows = np.random.default_rng(0).standard_normal((2000, SIZE))
-    rows[:1000] = 0.0
-    parts = np.array_split(rows, 20)
-    assert_same(added(parts).factor(), by_rotations(parts), 1e-12)
-    assert capfd.readouterr() == ('', '')
-
-
-def test_it_goes_on_after_a_factor_was_taken() -> None:
-    parts = np.array_split(np.random.default_rng(0).standard_normal((600, SIZE)), 6)
-    found = added(parts[:4])
-    assert_same(found.factor(), by_rotations(parts[:4]), 1e-12)
-    for rows in parts[4:]:
-        found.add(Plain(rows), len(rows))
-    assert_same(found.factor(), by_rotations(parts), 1e-12)

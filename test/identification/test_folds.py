@@ -10,7 +10,6 @@ import pytest
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.identification.folds import (
-    _apart,
     at_rest,
     first_passes,
     motion_s,
@@ -56,13 +55,6 @@ def test_a_later_pass_is_in_the_fold_of_the_first(
     same = fold == fold[np.round(expected).astype(int) % first.sum()]
     assert same.mean() > 0.95  # but for samples at the borders of folds
     assert np.unique(fold[first]).size == 6
-
-
-def test_new_motion_is_cut_into_equal_stretches_of_time() -> None:
-    data = moved(200.0, 60.0)
-    fold = recurrent_folds(data, 6)
-    assert np.all(np.diff(fold) >= 0)
-    assert np.ptp(np.bincount(fold)) <= 4
 
 
 def test_the_same_motion_in_another_recording_is_a_repetition() -> None:
@@ -136,20 +128,3 @@ def test_samples_repeat_what_a_plain_search_finds_near() -> None:
     assert np.all(nearest[first == own] > 0.8 * NEAR)
     assert np.all(distance[own, first][first < own] < 2.0 * NEAR)
     assert np.mean(first < own) > 0.7
-
-
-@given(st.integers(0, 1000), st.integers(0, 40), st.floats(0.0, 3.0))
-def test_states_that_are_traced_are_apart(seed: int, count: int, least: float) -> None:
-    rng = np.random.default_rng(seed)
-    states, segment = rng.standard_normal((count, 3)), np.sort(rng.integers(0, 3, count))
-    marked: list[int] = []
-    for i in range(count):
-        begins = i == 0 or segment[i] != segment[i - 1]
-        if begins or np.linalg.norm(states[i] - states[marked[-1]]) >= least:
-            marked.append(i)
-    assert np.flatnonzero(_apart(states, segment, least)).tolist() == marked
-
-
-def test_an_arm_that_moves_on_within_a_second_repeats_nothing() -> None:
-    data = moved(300.0, 20.0)
-    assert np.array_equal(first_passes(data), np.arange(data.n_samples))

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 import pytest
 
-from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.friction.terms import LoadCoulomb
-from lip_id_ros.identification import factor_sum, gathering
+from lip_id_ros.identification import gathering
 from lip_id_ros.identification.gathering import Gathering, statistics_of
 from lip_id_ros.identification.joint_rows import JointRows
 from lip_id_ros.identification.linearisation import Linearisation, Samples
@@ -64,33 +63,26 @@ def test_any_number_of_samples_has_the_statistics_of_their_rows(count: int) -> N
     assert_array_equal(found.counts, count)
 
 
-def test_most_samples_take_the_fast_way(monkeypatch: pytest.MonkeyPatch) -> None:
-    taken: list[int] = []
-    by_rotations = factor_sum.FactorSum._add_by_rotations
-
-    def count(self: factor_sum.FactorSum, rows: Array) -> None:
-        taken.append(len(rows))
-        by_rotations(self, rows)
-
-    monkeypatch.setattr(factor_sum.FactorSum, '_add_by_rotations', count)
-    data, around = around_of()
-    statistics_of(data, np.arange(COUNT), around)
-    assert sum(taken) <= 3 * 3 * gathering.CHUNK
-
-
-def test_memory_does_not_depend_on_their_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    sizes: list[int] = []
+def test_chunks_are_few_rows_and_the_first_is_of_the_whole_recording(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An arm that rests at first would show a metric nothing of its motion."""
+    chunks: list[Samples] = []
     add = Gathering.add
 
-    def size(self: Gathering, samples: Samples) -> None:
-        sizes.append(len(samples.q))
+    def kept(self: Gathering, samples: Samples) -> None:
+        chunks.append(samples)
         add(self, samples)
 
-    monkeypatch.setattr(Gathering, 'add', size)
+    monkeypatch.setattr(Gathering, 'add', kept)
     data, around = around_of()
     statistics_of(data, np.arange(COUNT), around)
+    sizes = [len(each.q) for each in chunks]
     assert max(sizes) <= gathering.CHUNK
     assert sum(sizes) == COUNT
+    places = np.flatnonzero(np.isin(data.q[:, 0], chunks[0].q[:, 0]))
+    assert places[0] < 10
+    assert places[-1] > COUNT - 10
 
 
 def test_rows_of_a_joint_are_those_of_the_linearisation() -> None:
@@ -109,20 +101,3 @@ def test_rows_of_a_joint_are_those_of_the_linearisation() -> None:
         assert_array_equal(found, expected[:, some])
         assert found.flags.f_contiguous
         assert_allclose(products, expected @ check[:size], rtol=1e-12, atol=1e-12)
-
-
-def test_the_first_chunk_is_of_the_whole_recording(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An arm that rests at first would show a metric nothing of its motion."""
-    first: list[Samples] = []
-    add = Gathering.add
-
-    def kept(self: Gathering, samples: Samples) -> None:
-        first.append(samples)
-        add(self, samples)
-
-    monkeypatch.setattr(Gathering, 'add', kept)
-    data, around = around_of()
-    statistics_of(data, np.arange(COUNT), around)
-    places = np.flatnonzero(np.isin(data.q[:, 0], first[0].q[:, 0]))
-    assert places[0] < 10
-    assert places[-1] > COUNT - 10

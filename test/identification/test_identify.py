@@ -23,7 +23,7 @@ from lip_id_ros.identification.identify import (
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 
 NOISE = 1e-3
-ARMS = [(R,), (P, P), (R, P, R), (P, R, R), (R, R, R, R)]
+ARMS = [(P, P), (R, P, R), (R, R, R, R)]
 Motion = tuple[Array, Array, Array]
 
 
@@ -71,17 +71,8 @@ def test_torques_without_gravity() -> None:
     assert_predicts(found, motion, arm.torque(*motion))
 
 
-def resting(q: Array, dq: Array, ddq: Array) -> None:
-    q[:, 1], dq[:, 1], ddq[:, 1] = 0.3, 0.0, 0.0
-
-
 def at_rest(q: Array, dq: Array, ddq: Array) -> None:
     dq[:], ddq[:] = 0.0, 0.0
-
-
-def slow(q: Array, dq: Array, ddq: Array) -> None:
-    dq *= 1e-3
-    ddq *= 1e-6
 
 
 def violent(q: Array, dq: Array, ddq: Array) -> None:
@@ -100,24 +91,12 @@ def repeated(q: Array, dq: Array, ddq: Array) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('change', [resting, at_rest, slow, violent, far_away, repeated])
+@pytest.mark.parametrize('change', [at_rest, violent, far_away, repeated])
 def test_unusual_motions(change: Callable[[Array, Array, Array], None]) -> None:
     arm = random_arm((R, R), seed=1)
     motion, unseen = arm.motion(120, seed=0), arm.motion(100, seed=1)
     change(*motion)
     change(*unseen)
-    tau = arm.torque(*motion)
-    found = identify(dataset_of(arm, motion, tau + noise_of(tau)))
-    assert_predicts(found, unseen, arm.torque(*unseen), 0.01)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('reach', [0.01, 30.0])
-def test_slides_of_any_length(reach: float) -> None:
-    arm = random_arm((P, R, P), seed=5)
-    motion, unseen = arm.motion(120, seed=0), arm.motion(100, seed=1)
-    for x in (*motion, *unseen):
-        x[:, (0, 2)] *= reach
     tau = arm.torque(*motion)
     found = identify(dataset_of(arm, motion, tau + noise_of(tau)))
     assert_predicts(found, unseen, arm.torque(*unseen), 0.01)
@@ -133,48 +112,12 @@ def test_few_samples() -> None:
 
 
 @pytest.mark.slow
-def test_exact_torques() -> None:
-    arm = random_arm((R, R, R), seed=1)
-    motion = arm.motion(100, seed=1)
-    found = identify(samples_of(arm, noise=0.0))
-    assert found.residual_gp is None
-    assert_predicts(found, motion, arm.torque(*motion), 1e-4)
-
-
-@pytest.mark.slow
-def test_a_torque_of_noise_alone() -> None:
-    arm = random_arm((R, R, R), seed=1)
-    dataset = samples_of(arm)
-    tau = dataset.tau.copy()
-    tau[:, 2] = np.random.default_rng(0).standard_normal(len(tau))
-    found = identify(replace(dataset, tau=tau))
-    motion = arm.motion(100, seed=1)
-    expected = arm.torque(*motion)[:, :2]
-    got = found.torque(*motion)[:, :2]
-    np.testing.assert_allclose(got, expected, atol=0.01 * np.abs(expected).max())
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize('size', [1e-3, 1e4])
 def test_torques_of_any_size(size: float) -> None:
     arm = random_arm((R, R), seed=2)
     dataset, motion = samples_of(arm), arm.motion(100, seed=1)
     found = identify(replace(dataset, tau=size * dataset.tau))
     assert_predicts(found, motion, size * arm.torque(*motion))
-
-
-@pytest.mark.slow
-def test_an_absurd_acceleration_and_spikes_change_little() -> None:
-    arm = random_arm((R, R, R), seed=1)
-    dataset, motion = samples_of(arm, 200), arm.motion(100, seed=1)
-    rng = np.random.default_rng(0)
-    ddq, tau = dataset.ddq.copy(), dataset.tau.copy()
-    ddq[17] *= 1e3
-    spikes = rng.random(tau.shape) < 0.02
-    tau[spikes] += 20.0 * tau.std() * rng.standard_normal(int(spikes.sum()))
-    found = identify(replace(dataset, ddq=ddq, tau=tau))
-    assert 0 < found.outliers < 30
-    assert_predicts(found, motion, arm.torque(*motion))
 
 
 @pytest.mark.slow

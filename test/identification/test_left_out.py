@@ -90,25 +90,6 @@ def test_mean_squares_are_those_of_the_fits() -> None:
     np.testing.assert_array_equal(found, [each.mean_squares for each in fits])
 
 
-def test_noise_is_estimated() -> None:
-    features, tau = samples()
-    got = blocks_of(features, tau).noise(np.arange(P))
-    np.testing.assert_allclose(got, NOISE, rtol=0.15)
-
-
-def test_a_term_that_is_there_gains() -> None:
-    features, tau = samples()
-    blocks, selected = blocks_of(features, tau), np.array([1, 2, 4, 5, 6])
-    now = blocks.fit(selected, NOISE)
-    there, absent = blocks.with_each(selected, [np.array([0]), np.array([3])], NOISE)
-    gain = now.gain(there)
-    assert gain.least > 1.0
-    assert gain.mean > 3.0 * gain.error
-    assert gain.is_sure()
-    assert abs(now.gain(absent).mean) < 0.03
-    assert not now.gain(absent).is_sure()
-
-
 def test_a_gain_must_be_larger_than_chance() -> None:
     now = np.exp(0.3 * np.random.default_rng(0).standard_normal((8, 3)))
 
@@ -136,8 +117,3 @@ def test_bounded_least_squares(seed: int, size: int) -> None:
         lower = np.where(mask, 0.0, -np.inf)
         expected = lsq_linear(matrix, right, (lower, np.inf), tol=1e-14, method='bvls').x
         np.testing.assert_allclose(found, expected, atol=1e-8)
-
-
-def test_bounded_least_squares_of_what_is_there_twice() -> None:
-    found = bounded_solutions(np.ones((2, 2)), np.array([1.0, 1.0]), np.array([True, False]))
-    np.testing.assert_allclose(found.sum(), 1.0, rtol=1e-6)

@@ -1,6 +1,8 @@
-"""Springs between two points are found beside links and friction, and nowhere else."""
+"""Springs between two points are found, fitted with the rest, and invented nowhere."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 from identification import springs
 import numpy as np
@@ -9,8 +11,10 @@ import pytest
 from benchmarks._arms import random_arm
 from lip_id_ros.arrays import Array
 from lip_id_ros.friction.conservative_terms import lever_features, LeverSpring
+from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, ROUND
 from lip_id_ros.identification.friction_selection import select_friction
 from lip_id_ros.identification.lever_search import best_lever, Explained, LeverSearch
+from lip_id_ros.identification.lever_steps import with_lever_steps
 from lip_id_ros.identification.sample_selection import remembering
 
 LINK_STD = np.tile([5.0, *[2.0] * 3, *[1.0] * 7], (springs.N_JOINTS, 1))
@@ -70,3 +74,45 @@ def test_selected_where_it_is(kind: str) -> None:
     names = [[name for name in own if name == 'lever spring'] for own in found.friction.names()]
     expected = kind != 'none'
     assert [len(own) for own in names] == [0, int(expected), 0, 0]
+
+
+SAMPLES = 400
+
+
+def fitted() -> tuple[ArmFitter, ArmFit]:
+    """Return a fit to a simulated arm with two gas springs, from where its joints are."""
+    data = springs.simulated('gas')
+    tau = data.tau.copy()
+    tau[:, 2] += data.tau[:, 2].std() * springs.spring('gas', 1, data.q[:, 2])
+    fitter = ArmFitter(remembering(replace(data, tau=tau)))
+    chain = random_arm(springs.N_JOINTS, 0).chain
+    start = fitter.best_start([chain], fitter.selected(chain))
+    return fitter, fitter.refined(fitter.some(SAMPLES), start, ROUND)
+
+
+def springs_of(fit: ArmFit) -> list[LeverSpring]:
+    return [p.term for p in fit.friction.basis.terms if isinstance(p.term, LeverSpring)]
+
+
+def with_springs(fit: ArmFit, shapes: list[LeverSpring]) -> ArmFit:
+    left = iter(shapes)
+    terms = (
+        replace(part, term=next(left)) if isinstance(part.term, LeverSpring) else part
+        for part in fit.friction.basis.terms
+    )
+    basis = replace(fit.friction.basis, terms=tuple(terms))
+    return replace(fit, friction=replace(fit.friction, basis=basis))
+
+
+@pytest.mark.slow
+def test_steps_lead_back_to_the_shapes_of_two_springs() -> None:
+    fitter, fit = fitted()
+    found = springs_of(fit)
+    assert len(found) == 2
+    wrong = [LeverSpring(x.eccentricity + 0.08, x.dead_centre - 0.05) for x in found]
+    start = fitter.refined(fitter.some(SAMPLES), with_springs(fit, wrong), ROUND)
+    stepped = with_lever_steps(fitter, start)
+    assert stepped.score < start.score
+    for own, expected in zip(springs_of(stepped), found, strict=True):
+        np.testing.assert_allclose(own.eccentricity, expected.eccentricity, atol=0.02)
+        np.testing.assert_allclose(own.dead_centre, expected.dead_centre, atol=0.02)

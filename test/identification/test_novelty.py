@@ -12,7 +12,7 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.identification.folds import at_rest, motion_s, new_motion_s, recurrent_folds
+from lip_id_ros.identification.folds import motion_s, new_motion_s, recurrent_folds
 from lip_id_ros.identification.novelty import BLOCKS, known_states, MOST_KEPT, TOLERANCE
 from lip_id_ros.joint_types import PRISMATIC, REVOLUTE
 from lip_id_ros.model.known_states import KnownStates, nearest, novelty_in_words
@@ -77,26 +77,6 @@ def test_few_states_stand_for_a_long_recording() -> None:
     assert np.median(novelty(known, other) / exact) == pytest.approx(1.0, abs=0.1)
 
 
-def test_left_out_states_are_compared_with_other_folds() -> None:
-    data = moved(12.0, period_s=5.0)
-    known = known_states(data)
-    fold, moves = recurrent_folds(data, BLOCKS), ~at_rest(data)
-    states = joined(data) / known.scale
-    kept = [int(np.argmin(((states - each) ** 2).sum(axis=1))) for each in known.states]
-    found = [
-        min(np.linalg.norm(states[row] - known.states[k])
-            for k, place in enumerate(kept) if fold[place] != fold[row])
-        for row in np.flatnonzero(moves)
-    ]  # fmt: skip
-    assert known.left_out == pytest.approx(float(np.median(found)), rel=1e-3)
-
-
-def test_passes_add_nothing() -> None:
-    once, often = (known_states(moved(seconds, period_s=5.0)) for seconds in (5.0, 40.0))
-    assert len(often.states) < 1.2 * len(once.states)
-    assert often.left_out == pytest.approx(once.left_out, rel=0.1)
-
-
 @settings(max_examples=10, deadline=None)
 @given(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.integers(0, 9))
 def test_units_do_not_matter(length: float, time: float, seed: int) -> None:
@@ -114,25 +94,6 @@ def test_units_do_not_matter(length: float, time: float, seed: int) -> None:
     np.testing.assert_allclose(
         novelty(known_states(in_units(data)), in_units(other)), same, rtol=5e-3
     )
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 99))
-def test_it_grows_far_away(seed: int) -> None:
-    known = known_states(moved(8.0))
-    way = np.random.default_rng(seed).normal(size=3 * JOINTS)
-    far = np.array([20.0, 30.0, 60.0, 1e3])[:, None] * way * known.scale
-    found = known.distances(far)
-    assert np.all(np.diff(found) > 0.0)
-    assert found[-1] == pytest.approx(1e3 * np.linalg.norm(way), rel=0.05)
-
-
-def test_larger_and_faster_motion_is_farther() -> None:
-    known = known_states(moved(30.0))
-    medians = [np.median(novelty(known, moved(30.0, 7, size=size))) for size in (1.0, 2.0, 4.0)]
-    assert medians[0] < 2.0
-    assert medians[1] > 1.5 * medians[0]
-    assert medians[2] > 1.8 * medians[1]
 
 
 def test_a_joint_that_hardly_moves_is_as_far_as_one_of_its_kind() -> None:
@@ -194,12 +155,6 @@ def test_rests_and_gaps_are_no_motion() -> None:
     states: Any = {n: np.where(rest, 0.0, getattr(data, n)) for n in ('q', 'dq', 'ddq')}
     stopped = replace(data, **states)
     assert motion_s(stopped)[0] == pytest.approx(5.0, rel=0.05)
-
-
-def test_fewer_samples_of_a_motion_last_as_long() -> None:
-    data = moved(20.0)
-    some = data.select(np.arange(0, data.n_samples, 4))
-    assert motion_s(some)[0] == pytest.approx(motion_s(data)[0], rel=0.02)
 
 
 @pytest.mark.parametrize(

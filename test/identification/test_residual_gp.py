@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from model.models import torque_of_processes
 import numpy as np
 import pytest
+from torch_later import needs_torch, torch
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.process_parameters import (
-    likeliest,
     negative_log_posterior,
     sparse_weights,
     TYPICAL,
@@ -31,7 +31,6 @@ from lip_id_ros.model.residual_gp import (
     ResidualGP,
     stored_inputs,
 )
-from lip_id_ros.model.residual_gp_deviation import ResidualGPDeviation
 
 N = 240
 
@@ -67,18 +66,6 @@ def test_noise_has_no_process() -> None:
         assert selected(noise, 10.0 * noise + motion()[0]) is None
 
 
-@pytest.mark.slow
-def test_noise_that_is_correlated_in_time_rarely_has_a_process() -> None:
-    """A likelihood would take it for signal."""
-    joints = 0
-    for seed in range(5):
-        noise = np.random.default_rng(seed).standard_normal((N + 8, 2))
-        smooth = np.stack([np.convolve(x, np.ones(9), 'valid') for x in noise.T], axis=1)
-        found = selected(smooth, 10.0 * smooth + motion()[0])
-        joints += 0 if found is None else int(found.joints.sum())
-    assert joints <= 1
-
-
 def test_a_function_of_the_state_is_learned_beside_the_links() -> None:
     q, dq, ddq = motion()
     rng = np.random.default_rng(0)
@@ -94,16 +81,6 @@ def test_a_function_of_the_state_is_learned_beside_the_links() -> None:
     assert np.std(learned[:, 1] - 0.3 * np.sin(2.0 * q[:, 1])) < 0.03
 
 
-def test_links_are_kept_where_a_process_does_as_well_without_them() -> None:
-    q = motion()[0]
-    residual = 0.1 * np.random.default_rng(0).standard_normal((N, 2))
-    residual[:, 1] += 0.3 * np.sin(2.0 * q[:, 1])
-    found = selected(residual, residual + np.sin(q))
-    assert found is not None
-    assert found.joints[1]
-    assert not found.replaces.any()
-
-
 def test_links_that_explain_nothing_are_replaced() -> None:
     q, dq, ddq = motion()
     tau = np.sin(q + 0.5 * q[:, ::-1]) + 0.2 * np.tanh(20.0 * dq)
@@ -117,42 +94,8 @@ def test_links_that_explain_nothing_are_replaced() -> None:
     assert np.mean(error**2) < 0.05 * tau[:, 0].var()
 
 
-def test_the_deviation_grows_away_from_the_samples() -> None:
-    q, dq, ddq = motion()
-    residual = np.zeros((N, 2))
-    residual[:, 1] = 0.3 * np.sin(2.0 * q[:, 1])
-    rng = np.random.default_rng(0)
-    tau = residual + 20.0 * rng.standard_normal((N, 2))
-    found = selected(residual + 0.01 * rng.standard_normal((N, 2)), tau)
-    assert found is not None
-    deviation, near, far = ResidualGPDeviation(found), np.zeros((N, 2)), np.zeros((N, 2))
-    deviation.add_to(near, q, dq, ddq)
-    deviation.add_to(far, q + 3.0, 10.0 * dq, ddq)
-    assert not near[:, 0].any()
-    assert 2.0 * near[:, 1].mean() < far[:, 1].mean()
-    assert far[:, 1].max() <= np.sqrt(found.variance[1]) * (1.0 + 1e-9)
-
-
-def test_extreme_positions_are_left_out_of_their_joint_alone() -> None:
-    q = motion()[0]
-    masks = masks_of(*motion()[:2])
-    blocks = [out for out, joint in masks if joint < 0]
-    np.testing.assert_array_equal(np.sum(blocks, axis=0), np.ones(N))
-    for joint in (0, 1):
-        low, high = (out for out, number in masks if number == joint)
-        assert q[low, joint].max() < q[~low & ~high, joint].min()
-        assert q[high, joint].min() > q[~low & ~high, joint].max()
-
-
-def test_the_correlation_is_one_of_gaussian_processes() -> None:
-    x = np.random.default_rng(0).standard_normal((50, 6))
-    gram = correlation(x, x, np.full(6, 1.2))
-    np.testing.assert_allclose(np.diagonal(gram), 1.0)
-    assert np.linalg.eigvalsh(gram).min() > -1e-10
-
-
+@needs_torch
 def test_length_scales_by_automatic_differentiation() -> None:
-    torch = pytest.importorskip('torch')
     rng = np.random.default_rng(0)
     x, y, known = rng.standard_normal((30, 4)), rng.standard_normal(30), np.full((30, 30), 0.7)
     theta = rng.normal(size=5)
@@ -172,16 +115,6 @@ def test_length_scales_by_automatic_differentiation() -> None:
     value, gradient = negative_log_posterior(theta, x, y, known)
     np.testing.assert_allclose(value, expected.item(), rtol=1e-7)
     np.testing.assert_allclose(gradient, at.grad.numpy(), rtol=1e-6)
-
-
-def test_inputs_that_do_not_matter_have_long_scales() -> None:
-    rng = np.random.default_rng(1)
-    x = rng.standard_normal((150, 3))
-    y = np.sin(2.0 * x[:, 1]) + 0.1 * rng.standard_normal(150)
-    lengths, noise = likeliest(x, y, np.zeros((150, 150)))
-    assert lengths[1] < 2.0 < 4.0 < min(lengths[0], lengths[2])
-    variance = 0.1**2 / noise  # of the process
-    assert 0.1 < variance < 10.0
 
 
 def test_a_torque_of_few_inputs_is_learned_from_them() -> None:
@@ -237,18 +170,3 @@ def test_means_are_those_of_all_samples(
     few = sparse_weights(x, lengths, alpha, tolerance)
     got = correlation(near_and_beyond(x), x, lengths) @ few
     assert np.all(np.abs(got - means) <= 1.001 * tolerance)
-
-
-def test_a_smooth_mean_needs_few_samples() -> None:
-    rng = np.random.default_rng(0)
-    x, lengths = rng.uniform(-1.0, 1.0, (400, 3)), np.full(3, 2.0)
-    gram = correlation(x, x, lengths) + 0.1 * np.eye(400)
-    alpha = np.linalg.solve(gram, np.sin(x @ np.ones((3, 1))))
-    few = sparse_weights(x, lengths, alpha, np.array([0.01]))
-    assert few.any(axis=1).sum() < 40
-
-
-def test_a_mean_of_zero_needs_no_sample() -> None:
-    x = np.random.default_rng(0).standard_normal((5, 2))
-    few = sparse_weights(x, np.ones(2), np.zeros((5, 1)), np.array([0.1]))
-    assert not few.any()

@@ -58,19 +58,6 @@ def test_a_chain_is_projected_on_a_geometry(seed: int) -> None:
     np.testing.assert_allclose(again.translations, found.translations, atol=1e-12)
 
 
-@pytest.mark.parametrize('seed', range(5))
-def test_steps_that_are_allowed_keep_the_geometry_to_first_order(seed: int) -> None:
-    chain = GEOMETRY.projected(chain_of(seed))
-    projector = GEOMETRY.projector(chain)
-    np.testing.assert_allclose(projector @ projector, projector, atol=1e-12)
-    step = projector @ np.random.default_rng(seed).standard_normal(6 * N)
-    small = 1e-4
-    moved = stepped(chain, small * step)
-    back = GEOMETRY.projected(moved)
-    assert np.abs(back.rotations - moved.rotations).max() < 100.0 * small**2
-    assert np.abs(back.translations - moved.translations).max() < 100.0 * small**2
-
-
 def test_fixed_twists_and_lengths_take_one_direction_each_and_parallel_axes_two() -> None:
     chain = GEOMETRY.projected(chain_of(0))
     assert np.trace(GEOMETRY.projector(chain)) == pytest.approx(6 * N - (2 + 2 + 2 + 1))

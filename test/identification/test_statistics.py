@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
+from lip_id_ros.identification.posterior import jackknife_root
 from lip_id_ros.identification.statistics import (
     contiguous_blocks,
     measure_left_out,
@@ -92,16 +93,6 @@ def test_better_than_normal_equations() -> None:
     weak = np.full(2, 1e13)
     got = posterior(statistics, np.array([1.0]), weak).mean
     np.testing.assert_allclose(got, theta, rtol=1e-5)
-
-
-def test_squared_residuals() -> None:
-    features, tau = samples(50)
-    theta = np.random.default_rng(2).standard_normal((3, 9))
-    got = part(features, tau, slice(None)).squared_residuals(theta)
-    for k, each in enumerate(theta):
-        for i, column in enumerate(COLUMNS):
-            expected = np.sum((tau[:, i] - features[i] @ each[column]) ** 2)
-            assert got[k, i] == pytest.approx(expected, rel=1e-10)
 
 
 def test_chosen_parameters_alone() -> None:
@@ -217,22 +208,6 @@ def test_variances_are_true_where_noise_is_correlated(together: int) -> None:
     assert np.mean(noises) == pytest.approx(1.0, abs=0.02)
 
 
-def test_variance_of_a_prediction() -> None:
-    features, tau = samples(30)
-    got = posterior(part(features, tau, slice(None)), NOISE, PRIOR)
-    covariance = np.linalg.inv(got.information_root.T @ got.information_root)
-    rows = np.random.default_rng(3).standard_normal((5, 9))
-    np.testing.assert_allclose(got.variance(rows), np.diagonal(rows @ covariance @ rows.T))
-
-
-def test_gone_on_with() -> None:
-    features, tau = samples(60)
-    first = part(features, tau, slice(0, 40))
-    both = first.update([f[40:] for f in features], tau[40:])
-    expected = posterior(part(features, tau, slice(None)), NOISE, PRIOR).mean
-    np.testing.assert_allclose(posterior(both, NOISE, PRIOR).mean, expected, rtol=1e-10)
-
-
 def test_blocks_are_contiguous_and_alike_in_size() -> None:
     block = contiguous_blocks(103, 6)
     assert np.all(np.diff(block) >= 0)
@@ -247,3 +222,43 @@ def test_shapes_that_do_not_fit() -> None:
         TorqueStatistics.empty(COLUMNS).update(features[:2], tau)
     with pytest.raises(ShapeError, match='the columns differ'):
         TorqueStatistics.empty(COLUMNS).merge(TorqueStatistics.empty(COLUMNS[:2]))
+
+
+BLOCKS, LENGTH = 6, 50
+WHITE, FLAT = np.array([0.2]), 1e-3 * np.eye(2, 3)
+
+
+def blocks_of(features: Array, residual: Array) -> list[TorqueStatistics]:
+    """Gather the statistics of one joint, features (K, N, m) and residuals (K, N)."""
+    empty = TorqueStatistics.empty([np.arange(features.shape[2])])
+    ones = np.ones((features.shape[1], 1))
+    return [empty.update([x], y[:, None], ones) for x, y in zip(features, residual, strict=True)]
+
+
+def test_the_jackknife_by_its_definition() -> None:
+    rng = np.random.default_rng(0)
+    features, residual = rng.normal(size=(BLOCKS, LENGTH, 2)), rng.normal(size=(BLOCKS, LENGTH))
+    without = []
+    for k in range(BLOCKS):
+        x, y = np.delete(features, k, 0).reshape(-1, 2), np.delete(residual, k, 0).ravel()
+        rows = np.vstack([np.column_stack([x, y]) / WHITE, FLAT])
+        without.append(np.linalg.lstsq(rows[:, :2], rows[:, 2])[0])
+    root = jackknife_root(blocks_of(features, residual), FLAT, WHITE)
+    expected = (BLOCKS - 1) * np.cov(np.transpose(without), bias=True)
+    np.testing.assert_allclose(root @ root.T, expected, rtol=1e-8)
+
+
+def test_the_jackknife_is_true_where_errors_last() -> None:
+    """A model error of its own in each block moves parameters by far more than white noise."""
+    rng = np.random.default_rng(1)
+    features = np.stack([np.ones((BLOCKS, LENGTH)), rng.normal(size=(BLOCKS, LENGTH))], axis=2)
+    found, variance = [], []
+    for _ in range(300):
+        lasting = WHITE * rng.normal(size=(BLOCKS, 1))
+        residual = lasting + 0.1 * WHITE * rng.normal(size=(BLOCKS, LENGTH))
+        root = jackknife_root(blocks_of(features, residual), FLAT, WHITE)
+        found.append(residual.mean())
+        variance.append((root @ root.T)[0, 0])
+    white = WHITE[0] / np.sqrt(BLOCKS * LENGTH)
+    assert np.std(found) > 5.0 * white
+    np.testing.assert_allclose(np.sqrt(np.mean(variance)), np.std(found), rtol=0.1)

@@ -12,8 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import torch
-from torch.func import jacrev, jvp, vmap
+from torch_later import torch
 
 from lip_id_ros.kernels import EnergyKernel, JointBasis, Weights
 from lip_id_ros.kernels.program import kinetic_covariance, potential_covariance
@@ -67,6 +66,7 @@ class EnergyReference:
 
     def torque_blocks(self, x: State, z: State) -> Tensor:
         """Return `torque_block` for all pairs of N and M states, shape (N, M, n, n)."""
+        vmap = torch.func.vmap
         return vmap(lambda a: vmap(lambda b: self.torque_block(State(*a), State(*b)))(z))(x)
 
     def _features(self, q: Tensor) -> tuple[Tensor, Tensor]:
@@ -83,5 +83,5 @@ def euler_lagrange(lagrangian: Callable[[Tensor, Tensor], Tensor], x: State) -> 
     Returns a tensor of shape (..., n), with the shape of the function's value in front.
 
     """
-    _, rate = jvp(jacrev(lagrangian, argnums=1), (x.q, x.dq), (x.dq, x.ddq))
-    return rate - jacrev(lagrangian, argnums=0)(x.q, x.dq)
+    _, rate = torch.func.jvp(torch.func.jacrev(lagrangian, argnums=1), (x.q, x.dq), (x.dq, x.ddq))
+    return rate - torch.func.jacrev(lagrangian, argnums=0)(x.q, x.dq)

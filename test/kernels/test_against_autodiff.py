@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from kernels.cases import ARMS, MEMBERS, random_basis, random_states, random_weights
+from kernels.reference import EnergyReference, State
 import numpy as np
 import pytest
+from torch_later import needs_torch, torch
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.kernels import EnergyKernel, FAMILY, JointBasis, Weights
@@ -16,10 +18,6 @@ from lip_id_ros.kernels.gram import (
     prior_blocks,
 )
 from lip_id_ros.kernels.program import with_potential_after
-
-torch = pytest.importorskip('torch', reason='the reference differentiates with torch')
-
-from kernels.reference import EnergyReference, State  # noqa: E402
 
 CASES = [(member, arm) for member in MEMBERS for arm in ARMS]
 
@@ -38,6 +36,7 @@ def tensors(states: tuple[Array, Array, Array], t: int) -> State:
     return State(torch.tensor(q[t]), torch.tensor(dq[t]), torch.tensor(ddq[t]))
 
 
+@needs_torch
 @pytest.mark.slow
 @pytest.mark.parametrize(('member', 'types'), CASES)
 def test_torque_blocks(member: str, types: tuple[str, ...]) -> None:
@@ -55,6 +54,7 @@ def test_torque_blocks(member: str, types: tuple[str, ...]) -> None:
     np.testing.assert_allclose(got, expected, rtol=1e-11, atol=1e-11 * abs(expected).max())
 
 
+@needs_torch
 @pytest.mark.parametrize('links', [(), (1,), (0, 1, 2)])
 @pytest.mark.parametrize('member', MEMBERS)
 def test_every_potential_with_every_member(member: str, links: tuple[int, ...]) -> None:
@@ -70,6 +70,7 @@ def test_every_potential_with_every_member(member: str, links: tuple[int, ...]) 
     np.testing.assert_allclose(got, expected, rtol=1e-11, atol=1e-11 * abs(expected).max())
 
 
+@needs_torch
 @pytest.mark.parametrize(('member', 'types'), CASES)
 def test_energy_covariances(member: str, types: tuple[str, ...]) -> None:
     """Covariances of energies and torques, the sign of the potential included."""
@@ -100,6 +101,7 @@ def test_gram_is_the_symmetric_cross_gram(member: str) -> None:
     np.testing.assert_allclose(blocks, expected, rtol=1e-12, atol=1e-12)
 
 
+@needs_torch
 @pytest.mark.slow
 @pytest.mark.parametrize('member', MEMBERS)
 def test_gradient_against_autograd(member: str) -> None:

@@ -10,7 +10,7 @@ from evaluation.models import small_model
 import numpy as np
 from preprocessing.motions import recording, uniform
 import pytest
-from recording.bag_files import State, write_file, write_folder
+from recording.bag_files import State, write_folder
 from simulation.pendulums import swing
 
 import lip_id_ros as lip
@@ -103,31 +103,6 @@ def test_progress_names_the_stages(bag: Path) -> None:
     assert list(dict.fromkeys(stages)) == ['reading bag', 'preprocessing']
 
 
-def test_bare_storage_file(tmp_path: Path) -> None:
-    samples = recording(T)
-    rows = zip(T, samples.position, samples.effort, strict=True)
-    states = [State(round(1e9 * t), q, (), tau) for t, q, tau in rows]
-    data = load_dataset(write_file(tmp_path / 'bag', states, '.db3'))
-    assert data.provenance['sources'][0]['velocity'] == 'differentiated from position'
-
-
-def test_real_bags_load(shared_data: Path) -> None:
-    for name, n_joints in (('ur10', 6), ('panda', 7)):
-        data = load_dataset(shared_data / 'unisa_ros2_bags' / name)
-        assert isinstance(data, Dataset)
-        assert data.n_joints == n_joints
-        assert data.n_samples * data.provenance['sources'][0]['kept_every'] > 600
-
-
-def test_efforts_of_bags_are_scaled_and_offset(bag: Path) -> None:
-    plain = load_dataset(bag)
-    settings = RecordingSettings(effort_scale=(2.0, -3.0), effort_offset=(0.5, 0.0))
-    scaled = load_dataset(bag, Config(recording=settings))
-    expected = plain.tau * [2.0, -3.0] + [0.5, 0.0]
-    np.testing.assert_allclose(scaled.tau, expected, rtol=1e-12, atol=1e-12)
-    assert np.ptp(plain.tau[:, 1]) > 1.0
-
-
 def test_recordings_are_numbered(tmp_path: Path) -> None:
     bags = [write_bag(tmp_path / f'bag{k}', factor=1.0 + 0.1 * k) for k in range(3)]
     data = load_dataset(bags)
@@ -188,12 +163,6 @@ def write_copied(path: Path) -> None:
     """Write a recording whose first effort stands for all."""
     data = swing(1, rate=50.0)
     simulation.write_bag(path, replace(data, tau=np.repeat(data.tau[:, :1], 3, axis=1)))
-
-
-def test_findings_are_cautions_of_a_model_that_was_learned_from_it(tmp_path: Path) -> None:
-    write_copied(tmp_path / 'copied')
-    loaded = lip.load_dataset(tmp_path / 'copied')
-    assert any(each.startswith('error effort_copied: ') for each in cautions(loaded))
 
 
 def test_findings_stay_with_their_recording_wherever_it_goes(tmp_path: Path) -> None:

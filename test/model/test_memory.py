@@ -49,16 +49,6 @@ def remembered(model: InverseDynamicsModel, states: States, t: Array | None = No
     return np.asarray(model.predict(*states, t).tau - single)
 
 
-def test_an_arm_that_stands_is_held_by_its_last_friction(model: InverseDynamicsModel) -> None:
-    t, (q, dq, _) = motion(model)
-    states = np.vstack([q, np.tile(q[-1], (50, 1))]), np.pad(dq, ((0, 50), (0, 0))), 0.0 * q
-    states = states[0], states[1], np.zeros_like(states[0])
-    times = np.append(t, t[-1] + 0.02 * (1 + np.arange(50)))
-    rest = remembered(model, states, times)[-50:]
-    np.testing.assert_allclose(rest[:, 0], STRENGTH * np.sign(q[-1, 0] - q[-2, 0]), rtol=1e-3)
-    assert np.abs(rest[:, 1:]).max() < 1e-12
-
-
 def test_the_past_of_some_rows_is_that_of_all(model: InverseDynamicsModel) -> None:
     t, states = motion(model)
     rows = np.arange(32, len(t), 40)  # one of them at rest
@@ -68,23 +58,6 @@ def test_the_past_of_some_rows_is_that_of_all(model: InverseDynamicsModel) -> No
     q, dq, ddq = (each[rows] for each in states)
     alone = model.standard_deviation(q, dq, ddq).tau
     assert alone[:, 0].max() > 0.1 * STRENGTH > 10.0 * known[:, 0].max()
-
-
-def test_rows_of_one_motion_need_no_times(model: InverseDynamicsModel) -> None:
-    t, states = motion(model)
-    np.testing.assert_array_equal(remembered(model, states), remembered(model, states, t))
-    assert np.abs(remembered(model, states)).max() > 0.1 * STRENGTH
-
-
-def test_a_motion_that_is_under_way_has_coulomb_friction_from_its_first_row(
-    model: InverseDynamicsModel,
-) -> None:
-    t, (q, dq, ddq) = motion(model)
-    single = [model.query(*rows).tau[0] for rows in zip(q[:5], dq[:5], ddq[:5], strict=True)]
-    found = model.predict(q[:5], dq[:5], ddq[:5], t[:5]).tau[:, 0]
-    np.testing.assert_allclose(found, single, atol=1e-3 * STRENGTH)
-    std = model.standard_deviation(q[:5], dq[:5], ddq[:5], t[:5]).tau[:, 0]
-    assert np.all(std < 1e-3 * STRENGTH)
 
 
 def test_a_joint_that_leaves_rest_has_an_unknown_friction_until_it_has_gone_some_way(
@@ -102,30 +75,6 @@ def test_a_joint_that_leaves_rest_has_an_unknown_friction_until_it_has_gone_some
     np.testing.assert_allclose(start.std.tau[:, 0], -change, atol=1e-9)
 
 
-@pytest.mark.parametrize('step_s', [1.0, 0.53])
-def test_a_short_stream_has_coulomb_friction(model: InverseDynamicsModel, step_s: float) -> None:
-    _, states = motion(model)
-    memory = model.running_memory()
-    assert memory is not None
-    fast = np.flatnonzero(np.abs(states[1][:, 0]) > 0.3)[::7]
-    for k, row in enumerate(np.stack(states, axis=1)[fast]):
-        assert abs(memory.torque(row, k * step_s)[0]) < 1e-3 * STRENGTH  # beside that of its sign
-
-
-def test_angles_within_a_turn_are_the_same_motion(model: InverseDynamicsModel) -> None:
-    t, (q, dq, ddq) = motion(model)
-    wrapped = np.where(q > 0.5, q - 2.0 * np.pi, q)
-    plain, turned = (remembered(model, (x, dq, ddq), t) for x in (q, wrapped))
-    np.testing.assert_allclose(turned, plain, atol=1e-6)
-
-
-def test_stamps_of_a_coarse_clock_are_one_motion(model: InverseDynamicsModel) -> None:
-    t, states = motion(model)
-    coarse = np.floor(t / 0.1) * 0.1
-    plain = remembered(model, states, t)
-    np.testing.assert_array_equal(remembered(model, states, coarse), plain)
-
-
 def test_single_states_have_the_friction_of_an_unknown_past(model: InverseDynamicsModel) -> None:
     _, states = motion(model)
     order = np.random.default_rng(0).permutation(len(states[0]))
@@ -137,21 +86,6 @@ def test_single_states_have_the_friction_of_an_unknown_past(model: InverseDynami
     assert known[0] < 1e-3 * STRENGTH
 
 
-def test_parts_add_up(model: InverseDynamicsModel) -> None:
-    found = model.predict(*motion(model)[1])
-    total = found.inertial + found.coriolis + found.gravity + found.friction
-    np.testing.assert_allclose(found.tau, total, atol=1e-9)
-
-
-def test_a_stream_has_the_torques_of_its_motion(model: InverseDynamicsModel) -> None:
-    t, states = motion(model)
-    memory = model.running_memory()
-    assert memory is not None
-    rows = zip(t.tolist(), np.stack(states, axis=1), strict=True)
-    found = np.array([memory.torque(state, now) for now, state in rows])
-    np.testing.assert_allclose(found, remembered(model, states, t), atol=1e-9)
-
-
 def test_an_array_that_is_used_again_spoils_no_memory(model: InverseDynamicsModel) -> None:
     t, states = motion(model)
     memory, expected = model.running_memory(), remembered(model, states, t)
@@ -160,23 +94,6 @@ def test_an_array_that_is_used_again_spoils_no_memory(model: InverseDynamicsMode
     for now, row, torque in zip(t.tolist(), rows, expected, strict=True):
         state[:] = row
         np.testing.assert_allclose(memory.torque(state, now), torque, atol=1e-9)
-
-
-def test_other_coefficients_remember_the_same_stream(model: InverseDynamicsModel) -> None:
-    t, states = motion(model)
-    rows = list(zip(t.tolist(), np.stack(states, axis=1), strict=True))
-    memory, stronger = model.running_memory(), model.running_memory()
-    assert memory is not None
-    assert stronger is not None
-    for now, state in rows[:-1]:
-        memory.torque(state, now)
-        stronger.torque(state, now)
-    now, state = rows[-1]
-    assert model.arm is not None
-    stronger.use(2.0 * model.arm.friction.coefficients)
-    expected = memory.torque(state, now)
-    assert expected.any()
-    np.testing.assert_allclose(stronger.torque(state, now), 2.0 * expected, rtol=1e-12)
 
 
 def test_a_stream_that_was_silent_begins_anew(model: InverseDynamicsModel) -> None:
@@ -217,13 +134,6 @@ def test_a_state_that_is_not_finite_spoils_no_other(model: InverseDynamicsModel)
     rows = zip(t.tolist(), np.stack([q, *states[1:]], axis=1), strict=True)
     found = np.array([memory.torque(state, now) for now, state in rows])
     assert np.isfinite(found).all()
-
-
-def test_the_file_keeps_it(model: InverseDynamicsModel, tmp_path) -> None:  # type: ignore[no-untyped-def]
-    model.save(tmp_path / 'model.npz')
-    again = InverseDynamicsModel.load(tmp_path / 'model.npz')
-    _, states = motion(model)
-    np.testing.assert_allclose(again.predict(*states).tau, model.predict(*states).tau, rtol=1e-6)
 
 
 def test_a_process_in_place_of_friction_has_no_memory(model: InverseDynamicsModel) -> None:

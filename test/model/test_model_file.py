@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 import pytest
 
 from lip_id_ros.checked_file import write_checked
-from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ModelError
 from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.model import InverseDynamicsModel
@@ -117,29 +116,6 @@ def test_an_arm_of_format_7_has_no_coupled_positions(path: Path) -> None:
     assert_same_answers(serial, InverseDynamicsModel.load(path))
 
 
-def test_a_model_is_saved_over_an_older_one(saved: Path) -> None:
-    random_model('lip').save(saved)
-    assert InverseDynamicsModel.load(saved).kernel == 'lip'
-
-
-def test_a_missing_file(path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match='model'):
-        InverseDynamicsModel.load(path)
-
-
-def test_a_missing_folder(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match=r"none/model\.npz'$"):
-        random_model('recursive').save(tmp_path / 'none' / 'model.npz')
-    assert os.listdir(tmp_path) == []
-
-
-def test_what_cannot_be_written_leaves_nothing(path: Path) -> None:
-    model = replace(random_model('recursive'), provenance={'time': object()})
-    with pytest.raises(TypeError, match='not JSON serializable'):
-        model.save(path)
-    assert os.listdir(path.parent) == []
-
-
 def check_refused(path: Path, sentence: str) -> None:
     """The sentence names the file and ends in what to do."""
     with pytest.raises(ModelError, match=sentence) as caught:
@@ -163,21 +139,6 @@ def test_an_npz_of_something_else(path: Path) -> None:
     check_refused(path, r'is not a model of lip_id_ros \(its schema is None, expected')
 
 
-def test_a_data_set(path: Path) -> None:
-    x = np.random.default_rng(0).normal(size=(4, 2))
-    Dataset(
-        t=np.arange(4.0),
-        q=x,
-        dq=x,
-        ddq=x,
-        tau=x,
-        joint_names=('a', 'b'),
-        joint_types=(R, R),
-        segment=np.zeros(4, dtype=np.int64),
-    ).save(path)
-    check_refused(path, r'is not a model of lip_id_ros \(its schema is ')
-
-
 def changed(path: Path, change: Callable[[Arrays, Header], None]) -> Path:
     """Write the file again with its arrays or header changed."""
     arrays, header = read_npz(path)
@@ -199,15 +160,7 @@ def drop(arrays: Arrays, _: Header) -> None:
     del arrays['alpha']
 
 
-def rename(_: Arrays, header: Header) -> None:
-    header['joint_names'] = header['joint_names'][::-1]
-
-
-def switch(_: Arrays, header: Header) -> None:
-    header['process']['kernel'] = 'lip'
-
-
-@pytest.mark.parametrize('change', [flip, drop, rename, switch])
+@pytest.mark.parametrize('change', [flip, drop])
 def test_contents_that_are_not_those_that_were_written(
     saved: Path, change: Callable[[Arrays, Header], None]
 ) -> None:
@@ -260,31 +213,8 @@ def test_contents_that_do_not_fit_together(
     what: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    check_contradiction(saved, change, what, monkeypatch)
-
-
-def check_contradiction(
-    path: Path,
-    change: Callable[[Arrays, Header], None],
-    what: str,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Compare the sentence for a file that is changed and has its hash nevertheless."""
-    stored = read_npz(path)[1]['sha256']
+    """The file is changed and has its hash nevertheless."""
+    stored = read_npz(saved)[1]['sha256']
     monkeypatch.setattr('lip_id_ros.checked_file._digest', lambda *_: stored)
     sentence = f'says it is a model but lacks or contradicts itself in .*{what}'
-    check_refused(changed(path, change), sentence)
-
-
-LINKS = ('arm_rotations', 'arm_translations', 'arm_gravity', 'arm_links')
-
-
-@pytest.mark.parametrize('name', LINKS)
-def test_links_of_other_joints(name: str, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    random_model(ARTICULATED, residual_gp=False).save(path)
-
-    def cut(arrays: Arrays, _: Header) -> None:
-        arrays[name] = arrays[name][1:]
-
-    what = rf'{name} of shape \(2,.*\) where \(3,.*\) was expected'
-    check_contradiction(path, cut, what, monkeypatch)
+    check_refused(changed(saved, change), sentence)

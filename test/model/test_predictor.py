@@ -101,11 +101,6 @@ def test_numbers_of_samples_around_the_width_of_the_loops(member: str, n_samples
 
 
 @pytest.mark.parametrize('member', KERNELS)
-def test_without_friction_and_residual_gp(member: str) -> None:
-    check_against_covariances(random_model(member, friction=False, residual_gp=False))
-
-
-@pytest.mark.parametrize('member', KERNELS)
 def test_parts_of_the_torque(member: str) -> None:
     q, dq, ddq = queries(3)
     predictor = random_model(member)

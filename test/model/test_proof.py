@@ -35,10 +35,6 @@ def of(summary: dict[str, Any]) -> InverseDynamicsModel:
     return replace(MODEL, summary=summary)
 
 
-def test_a_model_that_was_judged_on_new_motion_is_proven() -> None:
-    assert missing_proof(of(GOOD)) is None
-
-
 def test_a_constant_torque_needs_no_proof() -> None:
     assert missing_proof(of({**GOOD, 'unexplained_percent': [None, 1.0, 1.0]})) is None
 

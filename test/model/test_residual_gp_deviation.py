@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kernels.cases import P, R, random_states
-from model.models import of_arm, random_arm, random_residual_gp, torque_of_processes
+from model.models import random_residual_gp, torque_of_processes
 import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.residual_gp import (
     correlation,
     FRICTION_VARIANCE,
@@ -131,22 +129,6 @@ def test_a_smooth_process_needs_few_of_its_samples() -> None:
     np.testing.assert_array_equal(root, np.triu(root))
 
 
-def test_every_sample_counts_where_none_determines_another() -> None:
-    residual_gp = residual_gp_of(motion(60, np.random.default_rng(0)), 0.02, 1e-2)
-    x, lengths = residual_gp.x, residual_gp.lengths[0]
-    few, _, _ = compacted(x, lengths, residual_gp.noise[0], residual_gp.inputs.friction_at(x))
-    assert len(few) == 60
-
-
-def test_a_joint_without_a_process_has_no_deviation() -> None:
-    states = motion(30, np.random.default_rng(1))
-    residual_gp = residual_gp_of(states, 1.0, 0.1)
-    without = replace(residual_gp, lengths=residual_gp.lengths * np.array([[1.0], [0.0], [1.0]]))
-    std, expected = deviations_of(without, states), deviations_of(residual_gp, states)
-    assert not std[:, 1].any()
-    np.testing.assert_allclose(std[:, [0, 2]], expected[:, [0, 2]], rtol=1e-12)
-
-
 def test_many_states_are_evaluated_as_one_by_one() -> None:
     samples = motion(40, np.random.default_rng(2))
     residual_gp = residual_gp_of(samples, 1.0, 0.1)
@@ -182,16 +164,6 @@ def test_variances_add_up_beside_links_and_replace_theirs_otherwise() -> None:
     np.testing.assert_allclose(std[:, 0], np.hypot(of_links[:, 0], own[:, 0]), rtol=1e-12)
     np.testing.assert_array_equal(std[:, 1], of_links[:, 1])
     np.testing.assert_array_equal(std[:, 2], own[:, 2])
-
-
-def test_a_model_file_keeps_the_deviations(tmp_path: Path) -> None:
-    rng = np.random.default_rng(5)
-    samples = motion(200, rng)
-    model = of_arm(random_arm(TYPES, rng), TYPES, residual_gp_of(samples, 1.0, 0.1))
-    model.save(tmp_path / 'arm.npz')
-    states = motion(20, rng)
-    loaded = InverseDynamicsModel.load(tmp_path / 'arm.npz')
-    np.testing.assert_array_equal(loaded.torque_std(*states), model.torque_std(*states))
 
 
 def several(types: tuple[str, ...], seed: int) -> ResidualGP:

@@ -9,10 +9,12 @@ from typing import Any
 
 from gp.processes import process_of
 from kernels.cases import MEMBERS, random_states
+from kernels.reference import EnergyReference, State
 from model.models import KERNELS, random_model, with_noise
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from torch_later import needs_torch, torch
 
 from lip_id_ros import numba_jit
 from lip_id_ros.arrays import Array
@@ -27,10 +29,6 @@ from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
 from lip_id_ros.rigid_body.regressor import kinetic_regressor, potential_regressor
-
-torch = pytest.importorskip('torch', reason='the reference differentiates with torch')
-
-from kernels.reference import EnergyReference, State  # noqa: E402
 
 States = tuple[Array, Array, Array]
 
@@ -113,6 +111,7 @@ def at_rest(q: Array) -> State:
     return State(*torch.tensor(np.stack([q, 0.0 * q, 0.0 * q])[:, None]))
 
 
+@needs_torch
 @pytest.mark.parametrize('friction', [False, True])
 @pytest.mark.parametrize('member', MEMBERS)
 def test_against_the_textbook(member: str, friction: bool) -> None:
@@ -143,22 +142,6 @@ def test_the_potential_is_certain_at_its_reference(member: str) -> None:
     got = model.standard_deviation(q, np.ones((2, 3)), np.ones((2, 3)))
     assert got.potential is not None
     assert got.potential[0] < 1e-6 * got.potential[1]
-
-
-@pytest.mark.parametrize('member', KERNELS)
-def test_the_kinetic_energy_is_certain_at_rest(member: str) -> None:
-    q, dq, ddq = queries(3)
-    got = random_model(member).standard_deviation(q, 0.0 * dq, ddq)
-    np.testing.assert_array_equal(got.kinetic, 0.0)
-
-
-def test_data_only_take_uncertainty_away() -> None:
-    model = random_model('recursive')
-    x = queries(20)
-    got = model.standard_deviation(*x)
-    process = process_of(model)
-    prior = process.prior.torque_variance(process.prior.kernel.states(*x))
-    assert (got.tau**2 < process.inflation * prior).all()
 
 
 def test_queries_are_independent_of_their_block() -> None:

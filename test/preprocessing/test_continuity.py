@@ -163,14 +163,6 @@ def test_velocities_that_contradict_positions_are_not_used(wrong: float, joint: 
     assert source['velocity_contradicted'] == [samples.joint_names[joint]]
 
 
-def test_velocities_of_other_joints_are_not_used() -> None:
-    samples = recording(uniform(3000, 100.0))
-    assert contradicted(replace(samples, velocity=samples.velocity[:, ::-1])) == (
-        'shoulder',
-        'elbow',
-    )
-
-
 @given(st.integers(0, 1000), st.sampled_from([25.0, 100.0, 1000.0]))
 def test_velocities_with_noise_delay_and_coarse_positions_are_used(seed: int, rate: float) -> None:
     rng = np.random.default_rng(seed)

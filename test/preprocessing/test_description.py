@@ -53,12 +53,6 @@ def test_bag_without_velocity_effort_or_time(tmp_path: Path) -> None:
     assert ranges == {'position': [0.0, 0.0], 'velocity': None, 'effort': None}
 
 
-def test_bag_without_usable_messages(tmp_path: Path) -> None:
-    path = write_folder(tmp_path / 'bag', moving(2, position=()))
-    (recording,) = json.loads(json.dumps(describe(path), allow_nan=False))['recordings']
-    assert (recording['samples'], recording['dropped']) == (0, {'position empty': 2})
-
-
 def test_every_topic_with_joint_samples_is_described(tmp_path: Path) -> None:
     states = [*moving(3, topic='/left'), *moving(4, topic='/right')]
     description = describe(write_folder(tmp_path / 'bag', states))
@@ -113,12 +107,3 @@ def test_data_set(tmp_path: Path) -> None:
     assert description['ranges']['b']['tau'] == [-7.0, -1.0]
     assert description['joint_types'] == ['revolute', 'prismatic']
     assert description['provenance'] == {'seed': 1}
-
-
-def test_real_bags(shared_data: Path) -> None:
-    bags = shared_data / 'unisa_ros2_bags'
-    (panda,) = describe(bags / 'panda')['recordings']
-    assert panda['timing']['rate_hz'] == pytest.approx(30.0, abs=0.1)
-    assert panda['timing']['gaps'] == 0
-    assert describe(bags / 'ur10_validation')['recordings'] == []
-    json.dumps(describe(shared_data / 'tiago_ros1_jtc_state' / 'arm_jointstate.bag'))

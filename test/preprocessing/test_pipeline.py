@@ -20,22 +20,14 @@ from preprocessing.motions import (
 )
 import pytest
 
-from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import preprocess, smoothing
 from lip_id_ros.preprocessing.smoothing import low_pass
-from lip_id_ros.recording import JointSamples, read_bag, spill
+from lip_id_ros.recording import read_bag, spill
 from lip_id_ros.settings import Config, PreprocessingSettings, RecordingSettings
 
 T = uniform(1000, 100.0)
-
-
-def repeating_publisher(source_hz: float, publish_hz: float, count: int) -> JointSamples:
-    """Publish, at a rate of its own, the newest state of a robot that has another one."""
-    stamps = uniform(count, publish_hz)
-    states: Array = np.floor(stamps * source_hz + 1e-9) / np.float64(source_hz)
-    return replace(recording(states), t=stamps)
 
 
 @pytest.mark.parametrize('rate', [30.0, 125.0, 500.0])
@@ -54,15 +46,6 @@ def test_velocity_comes_from_position_where_it_is_missing() -> None:
     assert relative_error(data.dq, motion.velocity(data.t)) < 1e-3
     assert relative_error(data.ddq, motion.acceleration(data.t)) < 2e-3
     assert data.provenance['sources'][0]['velocity'] == 'differentiated from position'
-
-
-def test_jitter_and_lost_messages_do_little_harm() -> None:
-    rng = np.random.default_rng(3)
-    t = (T + rng.uniform(-0.003, 0.003, T.size))[rng.uniform(size=T.size) > 0.1]
-    data = preprocess(recording(t))
-    assert np.unique(data.segment).size == 1
-    np.testing.assert_allclose(np.diff(data.t), np.diff(data.t)[0])
-    assert relative_error(data.ddq, Sinusoids().acceleration(data.t)) < 3e-3
 
 
 def test_same_low_pass_on_all_signals() -> None:
@@ -98,35 +81,6 @@ def test_nothing_crosses_a_gap() -> None:
             )
 
 
-EVERY = PreprocessingSettings(decimate=1)
-
-
-@pytest.mark.slow
-@given(
-    st.lists(st.integers(150, 300), min_size=2, max_size=4),
-    st.integers(0, 3),
-    st.sampled_from(['savitzky_golay', 'central_differences']),
-    st.sampled_from(['recorded', 'differentiated']),
-)
-def test_what_one_segment_holds_changes_no_other(
-    lengths: list[int], number: int, derivative: str, velocity: str
-) -> None:
-    number %= len(lengths)
-    settings = PreprocessingSettings(derivative=derivative, velocity=velocity)
-    part = np.repeat(np.arange(len(lengths)), lengths)
-    samples = recording(T[0] + 0.01 * np.arange(part.size) + 1.0 * part)
-    noise = np.random.default_rng(0).normal(size=(part.size, 2)) * (part == number)[:, None]
-    noise *= 0.01  # no jump
-    spoiled = replace(
-        samples, **{name: getattr(samples, name) + noise for name in ('position', 'velocity')}
-    )
-    clean, other = preprocess(samples, settings), preprocess(spoiled, settings)
-    same = clean.segment != number
-    for name in ('t', 'q', 'dq', 'ddq', 'tau'):
-        np.testing.assert_array_equal(getattr(clean, name)[same], getattr(other, name)[same])
-    assert not np.allclose(clean.ddq[~same], other.ddq[~same])
-
-
 @given(st.integers(1, 20), st.integers(0, 400))
 def test_every_sample_is_kept_or_counted(decimate: int, max_samples: int) -> None:
     settings = PreprocessingSettings(decimate=decimate, max_samples=max_samples)
@@ -139,17 +93,6 @@ def test_every_sample_is_kept_or_counted(decimate: int, max_samples: int) -> Non
     assert data.n_samples == selected['samples']
     assert selected['of'] + sum(counted.values()) == samples.n_samples
     assert max_samples == 0 or data.n_samples <= max_samples
-
-
-def test_stale_samples_are_removed_and_counted() -> None:
-    samples = repeating_publisher(29.4, 30.0, 900)
-    data = preprocess(samples)
-    assert dropped(data)['sample stale'] == (np.diff(samples.position[:, 0]) == 0).sum() > 10
-    assert data.provenance['sources'][0]['rate_hz'] == pytest.approx(29.4, rel=1e-3)
-    assert data.provenance['sources'][0]['retimed']
-    assert relative_error(data.ddq, Sinusoids().acceleration(data.t - 0.5 / 30.0)) < 0.1
-    differentiated = preprocess(without_velocity(samples))
-    assert relative_error(differentiated.ddq, data.ddq) < 0.01
 
 
 def test_samples_at_rest_are_not_stale() -> None:
@@ -201,13 +144,6 @@ def test_provenance_is_json_and_complete() -> None:
     assert source['preprocessing']['cutoff_hz'] == 3.0
     assert source['recording']['topic'] == '/joint_states'
     assert source['velocity'] == 'recorded'
-
-
-def test_several_recordings_are_joined() -> None:
-    first, second = recording(T), recording(T, Sinusoids(seed=1), source='other.mcap')
-    data = preprocess([first, second])
-    assert [each['source'] for each in data.provenance['sources']] == ['arm.mcap', 'other.mcap']
-    np.testing.assert_array_equal(np.unique(data.segment), [0, 1])
 
 
 @given(

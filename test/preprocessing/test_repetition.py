@@ -15,12 +15,9 @@ from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.preprocessing import preprocess, smoothing
 from lip_id_ros.preprocessing.sample_times import (
-    changes_between,
     changes_of,
-    repeated,
     source_periods,
     stale,
-    supports,
 )
 from lip_id_ros.preprocessing.segment import segment_of
 from lip_id_ros.preprocessing.segments import quantum
@@ -106,15 +103,6 @@ def test_nothing_of_a_real_rest_is_left_out(shared_data: Path) -> None:
     assert not stale_samples(samples).any()
 
 
-def test_a_frozen_state_without_velocities_becomes_a_gap() -> None:
-    samples = without_velocity(recording(uniform(1000, 100.0), MOTION))
-    source = np.arange(samples.n_samples)
-    source[400:450] = 400
-    frozen = replace(samples, position=samples.position[source], effort=samples.effort[source])
-    assert stale_samples(frozen).sum() == 49
-    assert np.unique(preprocess(frozen).segment).size == 2
-
-
 @pytest.mark.parametrize('rate', [30.0, 100.0])
 @pytest.mark.parametrize('signal', ['position', 'effort'])
 def test_a_signal_at_a_rate_of_its_own_is_interpolated(signal: str, rate: float) -> None:
@@ -130,22 +118,6 @@ def test_a_signal_at_a_rate_of_its_own_is_interpolated(signal: str, rate: float)
     assert period == {signal: pytest.approx(500.0 / rate, abs=1.0)}
 
 
-@given(st.integers(1, 30), st.integers(0, 1000))
-def test_values_that_are_new_support_the_interpolation(period: int, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    values = rng.standard_normal((40, 2))[np.repeat(np.arange(40), period)]
-    keep = supports(~repeated(values), period)
-    new = np.concatenate([[True], (np.diff(values, axis=0) != 0.0).any(axis=1)])
-    np.testing.assert_array_equal(keep, new)
-
-
-def test_a_value_that_stays_for_long_is_no_held_one() -> None:
-    values = np.repeat([1.0, 2.0, 3.0], [5, 40, 5])[:, None]
-    keep = np.flatnonzero(supports(~repeated(values), 5))
-    assert np.diff(keep).max() <= 7
-    assert {0, 5, 45} <= set(keep.tolist())
-
-
 @given(st.integers(0, 8), st.integers(60, 70))
 def test_pieces_that_end_in_a_held_value_are_not_extrapolated(first: int, last: int) -> None:
     samples = recording(uniform(200, 100.0), MOTION)
@@ -158,24 +130,6 @@ def test_pieces_that_end_in_a_held_value_are_not_extrapolated(first: int, last: 
     assert (effort <= piece.effort.max(axis=0) + 1e-12).all()
     assert (effort >= piece.effort.min(axis=0) - 1e-12).all()
     np.testing.assert_allclose(effort[[0, -1]], piece.effort[[0, -1]], rtol=1e-12)
-
-
-def test_periods_are_those_of_the_moving_arm() -> None:
-    samples = moves_and_rests(500.0, 0.0)
-    assert source_periods(changes_of(samples)) == {'position': 1, 'velocity': 1, 'effort': 1}
-    assert source_periods(changes_of(without_velocity(samples))) == {'position': 1, 'effort': 1}
-    rows = 5 * (np.arange(samples.n_samples) // 5)
-    held = replace(samples, effort=samples.effort[rows])
-    assert source_periods(changes_of(held)) == {'position': 1, 'velocity': 1, 'effort': 5}
-
-
-@given(st.lists(st.tuples(st.integers(0, 1), st.booleans()), min_size=1, max_size=40))
-def test_changes_are_those_between_the_samples_that_are_kept(rows: list[tuple[int, bool]]) -> None:
-    """A signal that grows, of which some samples are left out, never the first."""
-    values = np.cumsum([step for step, _ in rows])[:, None].astype(float)
-    keep = np.array([True, *(is_kept for _, is_kept in rows[1:])])
-    changes = changes_between({'effort': ~repeated(values)}, keep)
-    np.testing.assert_array_equal(changes['effort'], ~repeated(values[keep]))
 
 
 def test_held_signals_of_long_segments_are_smoothed_in_windows_alike(

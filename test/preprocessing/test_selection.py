@@ -13,7 +13,7 @@ import pytest
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.preprocessing import for_training, preprocess
-from lip_id_ros.preprocessing.pipeline import at_most, SELECTIONS, stride
+from lip_id_ros.preprocessing.pipeline import at_most, stride
 from lip_id_ros.settings import PreprocessingSettings
 
 DATA = preprocess(recording(uniform(2000, 100.0)), PreprocessingSettings(decimate=1))
@@ -78,11 +78,6 @@ def test_nothing_is_left_out_where_nothing_is_asked() -> None:
     assert for_training(DATA, PreprocessingSettings(min_velocity=0.0), 'recursive') is DATA
 
 
-def test_an_arm_is_fitted_to_samples_near_rest_too() -> None:
-    data = with_velocity([[1.0, 0.0], [0.01, 0.0], [-1.0, 0.0]])
-    assert for_training(data, PreprocessingSettings(), 'articulated') is data
-
-
 def test_coverage_takes_what_time_passes_over() -> None:
     q, far = DATA.q.copy(), 777
     ddq = DATA.ddq.copy()
@@ -113,25 +108,8 @@ def test_repeated_points_are_taken_once() -> None:
     assert sorted(points[farthest_points(points, 6), 0]) == [0.0, 1.0]
 
 
-def test_every_choice_of_the_setting_is_there() -> None:
-    from lip_id_ros.preprocessing.smoothing import DERIVATIVES
-    from lip_id_ros.settings import rows
-
-    choices = {row.name: row.choices for row in rows(PreprocessingSettings)}
-    assert set(choices['selection']) == set(SELECTIONS)
-    assert set(choices['derivative']) == set(DERIVATIVES)
-
-
 @pytest.mark.parametrize('selection', ['time', 'coverage'])
 def test_order_of_time_stays(selection: str) -> None:
     chosen = at_most(DATA, PreprocessingSettings(max_samples=50, selection=selection))
     assert np.all(np.diff(chosen.t) > 0)
     assert chosen.n_samples == 50
-
-
-@pytest.mark.parametrize(
-    ('rate', 'cutoff', 'expected'),
-    [(120.0, 4.0, 7), (127.9, 4.0, 7), (128.0, 4.0, 8), (9.0, 4.0, 1)],
-)
-def test_stride_leaves_four_samples_a_period(rate: float, cutoff: float, expected: int) -> None:
-    assert stride(rate, PreprocessingSettings(cutoff_hz=cutoff)) == expected

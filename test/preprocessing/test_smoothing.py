@@ -10,7 +10,6 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.preprocessing.smoothing import (
-    central_differences,
     edge_length,
     is_filtered,
     low_pass,
@@ -60,19 +59,6 @@ def test_a_cut_off_just_below_half_the_rate_is_filtered(share: float) -> None:
     assert low_pass(noise, 30.0, 30.0 * share).std() < 0.995 * noise.std()
 
 
-def test_an_endless_edge_is_longer_than_any_recording() -> None:
-    assert edge_length(30.0, 4.0, periods=1e308) > 10**11
-
-
-def test_low_pass_is_the_same_backward() -> None:
-    noise = np.random.default_rng(0).normal(size=(1000, 2))
-    forward, backward = low_pass(noise, 100.0, 4.0), low_pass(noise[::-1], 100.0, 4.0)[::-1]
-    edge = edge_length(100.0, 4.0)
-    np.testing.assert_allclose(
-        forward[3 * edge : -3 * edge], backward[3 * edge : -3 * edge], atol=1e-4
-    )
-
-
 @given(st.lists(st.floats(-10, 10), min_size=5, max_size=5), st.floats(1.0, 1000.0))
 def test_derivative_of_a_quartic_is_exact(coefficients: list[float], rate: float) -> None:
     polynomial = np.polynomial.Polynomial(coefficients)
@@ -93,15 +79,6 @@ def test_acceleration_of_noisy_sinusoids(rate: float, noise: float, allowed: flo
     edge = 2 * edge_length(rate, 4.0)
     estimate = derivative(low_pass(measured, rate, 4.0), rate)[edge:-edge]
     assert relative_error(estimate, motion.acceleration(t)[edge:-edge]) < allowed
-
-
-def test_derivative_is_better_than_central_differences() -> None:
-    motion, rate = Sinusoids(), 30.0
-    t = uniform(int(30 * rate), rate)
-    velocity, truth = motion.velocity(t), motion.acceleration(t)[4:-4]
-    central = central_differences(velocity, rate)[4:-4]
-    ours = derivative(velocity, rate)[4:-4]
-    assert relative_error(ours, truth) < 0.05 * relative_error(central, truth)
 
 
 def test_errors_beyond_the_edge_are_those_of_the_middle() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 from preprocessing.motions import recording, relative_error, Sinusoids, uniform
@@ -14,7 +14,7 @@ from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.preprocessing import preprocess
-from lip_id_ros.preprocessing.sample_times import isotonic, longest_silence, retimed, roughness
+from lip_id_ros.preprocessing.sample_times import isotonic, retimed
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import PreprocessingSettings
 
@@ -112,45 +112,6 @@ def test_short_losses_at_a_high_rate_are_no_gaps() -> None:
     assert law_error(data) < 1.2 * law_error(preprocess(samples))
     with pytest.raises(DataError, match='without a gap'):
         preprocess(some, PreprocessingSettings(cutoff_hz=0.0))
-
-
-@given(st.integers(0, 1000), st.lists(st.floats(-5.0, 5.0), min_size=4, max_size=4))
-def test_cubic_polynomials_are_not_rough(seed: int, coefficients: list[float]) -> None:
-    rng = np.random.default_rng(seed)
-    t = np.cumsum(rng.uniform(0.5, 1.5, 30))
-    values = np.polynomial.Polynomial(coefficients)(t / t[-1])[:, None]
-    assert roughness(t, values) < 1e-9
-
-
-def test_a_motion_is_rough_at_wrong_times() -> None:
-    t = uniform(1000, 50.0)
-    position = MOTION.position(t)
-    assert roughness(jittered(50.0), position) > 100.0 * roughness(t, position)
-
-
-@given(st.integers(0, 50), st.sampled_from([20.0, 125.0, 1000.0]), st.floats(0.0, 0.1))
-def test_steps_are_counted_with_lost_messages(seed: int, rate: float, lost: float) -> None:
-    """Mended stamps lie on the clock of the sensors, but for one in a hundred."""
-    t = uniform(2000, rate)
-    keep = received(t.size, lost, seed)
-    stamps, position = jittered_like(t, rate, seed)[keep], MOTION.position(t)[keep]
-    mended = retimed(stamps, position)
-    assume(mended is not stamps)  # at a high rate the motion may be too slow to show it
-    steps = np.diff(mended) * rate
-    assert (np.abs(steps - np.diff(np.flatnonzero(keep))) < 0.05).mean() > 0.97
-
-
-def jittered_like(t: Array, rate: float, seed: int) -> Array:
-    shift = np.random.default_rng(seed).uniform(-0.3, 0.3, t.size) / rate
-    stamps: Array = t + shift
-    return stamps
-
-
-def test_even_stamps_have_no_silence() -> None:
-    assert longest_silence(uniform(100, 50.0)) == 0.0
-    assert longest_silence(np.arange(5.0)) == 0.0
-    number, place = np.divmod(np.arange(100), 4)
-    assert longest_silence(0.2 * number + 1e-3 * place) == pytest.approx(0.197)
 
 
 optimize = pytest.importorskip('scipy.optimize')

@@ -57,14 +57,6 @@ def test_unreadable_definition_is_reported(tmp_path: Path) -> None:
         list(bag.messages('/odd'))
 
 
-def test_real_ros1_bag_of_a_type_outside_the_standard_ones(shared_data: Path) -> None:
-    with Bag(shared_data / 'tiago_ros1_jtc_state' / 'arm_jointstate.bag') as bag:
-        (topic,) = bag.topics
-        messages = [message for _, message in bag.messages(topic.name)]
-    assert len(messages) == topic.count == 2206
-    assert len(messages[0].actual.positions) == 7
-
-
 def test_what_a_killed_write_left_is_removed_by_the_next(tmp_path: Path) -> None:
     target = tmp_path / 'a.mcap'
     program = (

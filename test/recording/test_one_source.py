@@ -12,8 +12,6 @@ import pytest
 from recording.bag_files import State, write_folder, write_ros1
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.errors import SourceError
-from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples, read_bag, Reason
 from lip_id_ros.settings import RecordingSettings
 
@@ -81,22 +79,17 @@ def assert_right_times(samples: JointSamples, rate: float, tolerance: float = 1e
     np.testing.assert_allclose(samples.position, expected, atol=tolerance)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize('rate', [50, 100, 1000])
 @pytest.mark.parametrize(
     'change', [lambda state: replace(state, frame_id='base'), turned], ids=['frame', 'order']
 )
 def test_two_layouts_of_one_publisher_keep_the_order_of_the_file(
-    tmp_path: Path, rate: int, change: Callable[[State], State]
+    tmp_path: Path, change: Callable[[State], State]
 ) -> None:
-    path = write_folder(tmp_path / 'bag', every_other(driver(rate), change))
+    path = write_folder(tmp_path / 'bag', every_other(driver(100), change))
     samples = read_bag(path, JOINTS)
-    assert samples.n_samples == SECONDS * rate
+    assert samples.n_samples == SECONDS * 100
     assert (samples.counts, samples.notes, samples.clock) == ({}, (), 'header')
-    assert_right_times(samples, rate, 1e-6)
-    (source,) = preprocess(samples).provenance['sources']
-    assert source['segments'] == 1
-    assert source['rate_hz'] == pytest.approx(rate, rel=1e-3)
+    assert_right_times(samples, 100, 1e-6)
 
 
 def test_two_definitions_on_one_topic_keep_the_order_of_the_file(tmp_path: Path) -> None:
@@ -104,48 +97,22 @@ def test_two_definitions_on_one_topic_keep_the_order_of_the_file(tmp_path: Path)
     assert_right_times(read_bag(path, JOINTS), 100, 1e-6)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize('rate', [50, 100, 1000])
-def test_a_driver_is_preferred_to_what_repeats_it(tmp_path: Path, rate: int) -> None:
+def test_a_driver_is_preferred_to_what_repeats_it(tmp_path: Path) -> None:
     """The aggregator publishes at half the rate, stamps anew and is late."""
     late = [
-        with_gripper(replace(state, stamp_ns=state.stamp_ns + int(0.7e9 / rate)))
-        for state in driver(rate)[::2]
+        with_gripper(replace(state, stamp_ns=state.stamp_ns + 7_000_000))
+        for state in driver(100)[::2]
     ]
-    path = write_folder(tmp_path / 'bag', in_turns(driver(rate), late))
+    path = write_folder(tmp_path / 'bag', in_turns(driver(100), late))
     samples = read_bag(path, JOINTS)
-    assert_right_times(samples, rate, 1e-6)
+    assert_right_times(samples, 100, 1e-6)
     assert samples.counts == {Reason.OTHER_PUBLISHER: len(late)}
     assert samples.notes == (
-        f'2 publishers have the same joints: the one with {SECONDS * rate:.0f} messages '
+        '2 publishers have the same joints: the one with 6000 messages '
         '(it has no other joints) was taken',
     )
 
 
-def test_the_publisher_with_efforts_is_preferred(tmp_path: Path) -> None:
-    bare = [with_gripper(replace(state, effort=(0.0, 0.0))) for state in driver(200)]
-    bare = [replace(state, effort=()) for state in bare]
-    path = write_folder(tmp_path / 'bag', in_turns(driver(100), bare))
-    samples = read_bag(path, JOINTS)
-    assert samples.has_effort
-    assert_right_times(samples, 100, 1e-6)
-
-
-def test_two_publishers_that_differ_in_their_frames_only(tmp_path: Path) -> None:
-    other = [
-        replace(
-            state, frame_id='other', receive_ns=state.stamp_ns, stamp_ns=state.stamp_ns + 10**7
-        )
-        for state in driver(80, delay_s=0.0031)
-    ]
-    path = write_folder(tmp_path / 'bag', in_turns(driver(100), other))
-    samples = read_bag(path, JOINTS)
-    assert_right_times(samples, 100, 1e-6)
-    assert samples.counts == {Reason.OTHER_PUBLISHER: len(other)}
-    assert "(its frame is '')" in samples.notes[0]
-
-
-@pytest.mark.slow
 def test_a_frame_of_its_own_for_every_message_is_no_publisher_of_its_own(tmp_path: Path) -> None:
     states = [replace(state, frame_id=f'{k:06}') for k, state in enumerate(driver(100))]
     samples = read_bag(write_folder(tmp_path / 'bag', states), JOINTS)
@@ -176,20 +143,3 @@ def test_a_clock_that_begins_again_every_second_is_not_trusted(tmp_path: Path) -
     samples = read_bag(write_folder(tmp_path / 'bag', states), JOINTS)
     assert samples.clock == 'receive'
     np.testing.assert_allclose(samples.t, np.arange(6000) / 100, atol=1e-6)
-
-
-def test_more_definitions_than_any_publisher_has_are_refused(tmp_path: Path) -> None:
-    from mcap.writer import Writer
-    from recording.bag_files import JOINT_STATE, state_bytes
-
-    path = tmp_path / 'a.mcap'
-    writer = Writer(str(path))
-    writer.start('ros2', 'test')
-    for number, state in enumerate(driver(100, 10.0)):
-        text = f'# {number}\nstd_msgs/Header header\nstring[] name'.encode()
-        schema = writer.register_schema(JOINT_STATE, 'ros2msg', text)
-        channel = writer.register_channel('/joint_states', 'cdr', schema)
-        writer.add_message(channel, state.stamp_ns, state_bytes(state), state.stamp_ns)
-    writer.finish()  # type: ignore[no-untyped-call]
-    with pytest.raises(SourceError, match='must have at most 64 message definitions, but has mor'):
-        read_bag(path)

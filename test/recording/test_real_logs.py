@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recording.bag_files import State, write_folder, write_mcap, write_ros1
+from recording.bag_files import State, write_folder, write_mcap
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.preprocessing import describe
@@ -47,21 +47,6 @@ def test_tiago_controller_states(shared_data: Path) -> None:
     assert samples.has_velocity
     assert not samples.has_effort
     assert 0.009 < np.diff(samples.t).min() < np.diff(samples.t).max() < 0.031
-
-
-def test_tiago_torso_and_arm(shared_data: Path, tmp_path: Path) -> None:
-    folder = shared_data / 'tiago_figaroh'
-    tables = [table(folder / f'tiago_{name}.csv') for name in ('position', 'velocity', 'effort')]
-    position, velocity, effort = (values[:, 1:] for _, values in tables)
-    names = tuple(name.removesuffix('_position') for name in tables[0][0][1:])
-    assert names[:2] == ('torso_lift_joint', 'arm_1_joint')
-    stamps = np.rint(tables[0][1][:, 0] * 1e9).astype(np.int64)
-    sent = states(stamps, names, position, velocity, effort)
-    samples = read_bag(write_ros1(tmp_path / 'tiago.bag', sent))
-    assert samples.joint_names == names
-    assert samples.counts == {}
-    assert_holds(samples, position, velocity, effort)
-    np.testing.assert_allclose(samples.t, 1e-9 * (stamps - stamps[0]), atol=1e-9)
 
 
 def test_kuka_without_velocity_or_time(shared_data: Path, tmp_path: Path) -> None:

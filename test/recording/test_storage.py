@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import bz2
 from collections.abc import Callable
-from contextlib import ExitStack
 from pathlib import Path
 import sqlite3
 from typing import Any
@@ -13,11 +12,10 @@ from backports import zstd
 import lz4.frame
 from mcap.writer import CompressionType, IndexType
 import pytest
-from recording.bag_files import moving, State, STEP_NS, write_file, write_mcap, write_ros1
+from recording.bag_files import moving, write_file, write_mcap, write_ros1
 from rosbags import rosbag1, rosbag2
 
 from lip_id_ros.recording import Bag, read_bag
-from lip_id_ros.recording.bags import open_storage
 from lip_id_ros.recording.storage.contents import DamageError, plain_message, unpacked_chunk
 
 STATES = [*moving(40), *moving(30, topic='/others')]
@@ -78,13 +76,6 @@ def test_ros1_bag_gives_what_the_library_finds(tmp_path: Path, compression: obje
     assert stored(path) == of_library(rosbag1.Reader(path))
 
 
-def test_ros1_bag_of_two_publishers_of_a_topic_keeps_their_order(tmp_path: Path) -> None:
-    path = tmp_path / 'a.bag'
-    write_ros1(path, moving(10), publishers=2)
-    assert [time for time, _ in stored(path)] == [k * STEP_NS for k in range(10)]
-    assert read_bag(path).notes == ()
-
-
 def test_sqlite_gives_what_the_library_finds(tmp_path: Path) -> None:
     path = write_file(tmp_path / 'a', STATES, '.db3')
     assert stored(path) == of_library(rosbag2.Reader(path))
@@ -103,14 +94,6 @@ def test_compressed_files(
     path.unlink()
     assert read_bag(packed).n_samples == 20
     assert read_bag(packed.parent).n_samples == 20
-
-
-def test_compressed_copy_beside_its_file_is_left_aside(tmp_path: Path) -> None:
-    path = write_file(tmp_path / 'a', moving(20), '.mcap')
-    path.with_name(path.name + '.zstd').write_bytes(zstd.compress(path.read_bytes()))
-    samples = read_bag(path.parent)
-    assert (samples.n_samples, samples.counts) == (20, {})
-    assert samples.notes == ('metadata.yaml is missing', 'a.mcap.zstd was left aside')
 
 
 def test_compressed_file_cut_short_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
@@ -149,26 +132,6 @@ def test_decompression_makes_no_more_than_it_may() -> None:
         unpacked_chunk(b'', 'snappy', 6, is_cut=False)
 
 
-def test_chunks_of_other_topics_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    others = [State(k * STEP_NS, topic='/others') for k in range(500)]
-    path = write_mcap(
-        tmp_path / 'a.mcap', [*moving(100), *others], CompressionType.ZSTD, chunk_size=2000
-    )
-    unpacked: list[int] = []
-
-    def counting(data: bytes, method: str, size: int, *, is_cut: bool) -> bytes:
-        unpacked.append(size)
-        return unpacked_chunk(data, method, size, is_cut=is_cut)
-
-    monkeypatch.setattr('lip_id_ros.recording.storage.mcap.unpacked_chunk', counting)
-    with ExitStack() as stack:
-        storage = open_storage(path, stack)
-        surveyed = len(unpacked)
-        assert len(list(storage.messages([storage.channels[0].id]))) == 100
-    assert surveyed == 2  # where a channel is declared
-    assert 5 < len(unpacked) - surveyed < 25
-
-
 def test_sqlite_log_that_was_never_merged_is_read(tmp_path: Path) -> None:
     path = write_file(tmp_path / 'a', moving(30), '.db3')
     database = sqlite3.connect(path)
@@ -186,17 +149,3 @@ def test_sqlite_log_that_was_never_merged_is_read(tmp_path: Path) -> None:
     assert read_bag(path).n_samples == 20
     assert path.read_bytes() == kept['a.db3']
     assert (path.parent / 'a.db3-wal').read_bytes() == log
-
-
-def test_sqlite_log_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
-    path = write_file(tmp_path / 'a', moving(30), '.db3')
-    with sqlite3.connect(path) as database:
-        database.execute('PRAGMA journal_mode=WAL')
-    database.close()
-    log = path.parent / 'a.db3-wal'
-    log.mkdir()
-    (log / 'not_empty').touch()
-    samples = read_bag(path)
-    assert samples.n_samples == 30
-    (note,) = samples.notes
-    assert note.startswith('a.db3: a.db3-wal cannot be read (')

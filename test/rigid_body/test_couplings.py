@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from rigid_body.arms import random_bodies, random_chain, torques_and_energies
+from rigid_body.arms import ARMS, random_bodies, random_chain
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.rigid_body import Chain
@@ -20,13 +20,13 @@ from lip_id_ros.rigid_body.couplings import (
     read_couplings,
     rows_of,
 )
-from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
 from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
 from lip_id_ros.rigid_body.regressor import (
     kinetic_regressor,
     potential_regressor,
     torque_regressor,
 )
+from lip_id_ros.rigid_body.regressor_pullback import regressor_pullback
 from lip_id_ros.rigid_body.rnea import inertial_torque, Links, rnea, WORK_VECTORS
 from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
 
@@ -155,16 +155,6 @@ def test_inertia_matrix_is_symmetric_and_positive_definite(arm: str) -> None:
     assert np.linalg.eigvalsh(matrix)[0] > 0.0
 
 
-@pytest.mark.parametrize('arm', CASES)
-def test_standard_frames_keep_couplings(arm: str) -> None:
-    chain, links, rng = coupled_arm(arm)
-    states = rng.standard_normal((3, 4, len(arm)))
-    standard, moved = with_standard_frames(chain, links)
-    expected = torque_regressor(chain, *states) @ links.ravel()
-    found = torques_and_energies(standard, moved, states)[0]
-    np.testing.assert_allclose(found, expected, atol=1e-10)
-
-
 COUPLINGS = st.lists(
     st.builds(
         Coupling, st.integers(0, 3), st.integers(0, 3), st.sampled_from((-1.0, 1.0, 0.5, -0.02))
@@ -197,3 +187,39 @@ def test_couplings_that_are_none(texts: list[str], words: str) -> None:
     with pytest.raises(ConfigError) as caught:
         read_couplings(texts, NAMES)
     assert words in str(caught.value)
+
+
+H = 1e-6
+
+
+@pytest.mark.parametrize(
+    ('arm', 'couplings'),
+    [
+        *((arm, ()) for arm in ARMS),
+        ('RPRPRR', ((2, 1, -0.7), (5, 2, 0.5))),
+        ('PRP', ((0, 1, 0.3),)),
+    ],
+)
+@pytest.mark.parametrize('seed', range(3))
+def test_gradients_are_those_of_differences(
+    arm: str, couplings: tuple[tuple[int, int, float], ...], seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    chain, n = random_chain(arm, rng), len(arm)
+    chain = chain._replace(
+        rotations=np.ascontiguousarray(chain.rotations),
+        translations=np.ascontiguousarray(chain.translations),
+        couplings=rows_of([Coupling(*each) for each in couplings]),
+    )
+    states = rng.standard_normal((3, 6, n))
+    weights = rng.standard_normal((6, n, LINK_PARAMETERS * n))
+    found = regressor_pullback(chain, weights, *states)
+    for which in range(3):
+        for joint in range(n):
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = states.copy()
+                moved[which, :, joint] += sign * H
+                ends.append(np.sum(weights * torque_regressor(chain, *moved), axis=(1, 2)))
+            slope = (ends[0] - ends[1]) / (2.0 * H)
+            np.testing.assert_allclose(found[which, :, joint], slope, rtol=1e-6, atol=1e-6)

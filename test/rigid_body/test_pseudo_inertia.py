@@ -23,13 +23,6 @@ SCALE = scale_of(3.0, 0.3)
 NUMBERS = arrays(np.float64, (2, 11), elements=st.floats(-3.0, 2.0))
 
 
-def test_the_scale_is_that_of_a_link_of_its_mass_and_size() -> None:
-    (link,) = link_parameters(np.zeros((1, 11)), scale_of(4.0, 0.3))
-    assert link[0] == pytest.approx(4.0)
-    assert link[[4, 7, 9]] == pytest.approx([2 * 4.0 * 0.3**2] * 3)
-    assert link[10] == pytest.approx(4.0 * 0.3**2)
-
-
 @given(NUMBERS)
 def test_every_vector_is_a_link_that_can_exist(numbers: Array) -> None:
     parameters = link_parameters(numbers, SCALE)
@@ -45,14 +38,14 @@ def test_numbers_come_back(numbers: Array) -> None:
     )
 
 
-@given(NUMBERS)
-def test_jacobian_by_differences(numbers: Array) -> None:
-    step = 1e-6
-    found = link_parameter_jacobian(numbers, SCALE)
-    for k in range(11):
-        away = np.zeros((2, 11))
-        away[:, k] = step
-        up, down = (link_parameters(numbers + sign * away, SCALE) for sign in (1.0, -1.0))
+@given(NUMBERS, st.booleans())
+def test_jacobian_by_differences(numbers: Array, each: bool) -> None:
+    """With the usual scale, and with one of each link."""
+    factors = np.tril(0.3 * np.random.default_rng(0).standard_normal((2, 4, 4))) + np.eye(4)
+    scale, step = LinkScale(factors, np.array([0.1, 0.2])) if each else SCALE, 1e-6
+    found = link_parameter_jacobian(numbers, scale)
+    for k, away in enumerate(step * np.eye(11)):
+        up, down = (link_parameters(numbers + sign * away, scale) for sign in (1.0, -1.0))
         expected = (up - down) / (2.0 * step)
         assert found[:, :, k] == pytest.approx(expected, rel=1e-5, abs=1e-6)
 
@@ -65,13 +58,6 @@ def test_a_point_mass_and_its_parameters() -> None:
     assert pseudo_inertia(parameters) == pytest.approx(np.outer([*r, 1.0], [*r, 1.0]))
 
 
-def test_links_that_cannot_exist_are_moved_to_ones_that_can() -> None:
-    negative = np.array([[-1.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.1, 0.0, 0.1, -0.5]])
-    parameters = link_parameters(log_cholesky(negative, SCALE), SCALE)
-    assert (np.linalg.eigvalsh(pseudo_inertia(parameters[:, :10])) > 0.0).all()
-    assert parameters[0, 10] == pytest.approx(1e-3 * SCALE.rotors[0])
-
-
 @given(NUMBERS)
 def test_a_scale_of_each_link(numbers: Array) -> None:
     """Zeros are the links of the scale, and all else is relative to them."""
@@ -79,19 +65,6 @@ def test_a_scale_of_each_link(numbers: Array) -> None:
     scale = LinkScale(np.linalg.cholesky(pseudo_inertia(own[:, :10])), own[:, 10])
     assert link_parameters(np.zeros((2, 11)), scale) == pytest.approx(own, rel=1e-6, abs=1e-9)
     assert log_cholesky(own, scale) == pytest.approx(np.zeros((2, 11)), abs=1e-5)
-
-
-def test_jacobian_with_a_scale_of_each_link() -> None:
-    rng = np.random.default_rng(0)
-    factors = np.tril(0.3 * rng.standard_normal((2, 4, 4))) + np.eye(4)
-    scale = LinkScale(factors, np.array([0.1, 0.2]))
-    numbers = rng.standard_normal((2, 11))
-    found = link_parameter_jacobian(numbers, scale)
-    step = 1e-6
-    for k in range(11):
-        away = step * np.eye(11)[k]
-        up, down = (link_parameters(numbers + sign * away, scale) for sign in (1.0, -1.0))
-        np.testing.assert_allclose(found[:, :, k], (up - down) / (2.0 * step), atol=1e-6)
 
 
 def test_links_move_along_straight_lines() -> None:

@@ -4,7 +4,6 @@ from kernels.cases import P, R
 from kernels.cases import random_chain as random_chain_of
 import numpy as np
 import pytest
-from rigid_body.arms import angles_between, distances_between
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
@@ -121,46 +120,3 @@ def test_sensitivity_of_torques_to_placements(arm: str) -> None:
         for direction in range(6):
             slope = (torques(i, direction, step) - torques(i, direction, -step)) / (2 * step)
             np.testing.assert_allclose(found[:, :, i, direction], slope, atol=1e-6)
-
-
-def chain_of(rotations: list[Rotation], translations: list[list[float]], arm: str) -> Chain:
-    return Chain(
-        np.array([rotation.as_matrix() for rotation in rotations]),
-        np.array(translations, dtype=np.float64),
-        np.array([kind == 'P' for kind in arm]),
-        np.array([0.0, 0.0, -9.81]),
-    )
-
-
-def test_how_neighbouring_axes_lie() -> None:
-    """Parallel at a distance, skew at another, and a slide that has none."""
-    turns = [Rotation.identity(), Rotation.identity(), Rotation.from_euler('x', 60, degrees=True)]
-    shifts = [[0.0, 0.0, 0.0], [3.0, 4.0, 7.0], [2.0, -1.0, 5.0]]
-    chain = chain_of(turns, shifts, 'RRR')
-    np.testing.assert_allclose(np.degrees(angles_between(chain)), [0.0, 60.0], atol=1e-12)
-    np.testing.assert_allclose(distances_between(chain), [5.0, 2.0])
-    slides = chain_of(turns, shifts, 'RRP')
-    np.testing.assert_allclose(distances_between(slides), [5.0, np.nan])
-    weightless = chain._replace(gravity=np.zeros(3))
-    np.testing.assert_allclose(distances_between(weightless), [np.nan, np.nan])
-
-
-@pytest.mark.parametrize('arm', ARMS)
-def test_lying_of_axes_does_not_depend_on_frames(arm: str) -> None:
-    """Another origin along each axis and another zero of each angle are the same arm."""
-    rng = np.random.default_rng(20)
-    chain = random_chain(arm, rng)
-    angles = rng.uniform(-3.0, 3.0, len(arm))
-    turns = Rotation.from_rotvec(np.outer(angles, [0.0, 0.0, 1.0])).as_matrix()
-    shifts = np.zeros((len(arm), 3))
-    shifts[:, 2] = rng.standard_normal(len(arm))
-    rotations, translations = chain.rotations.copy(), chain.translations.copy()
-    for i in range(len(arm)):
-        translations[i] = translations[i] + rotations[i] @ shifts[i]
-        rotations[i] = rotations[i] @ turns[i]
-        if i + 1 < len(arm):
-            translations[i + 1] = turns[i].T @ (translations[i + 1] - shifts[i])
-            rotations[i + 1] = turns[i].T @ rotations[i + 1]
-    moved = chain._replace(rotations=rotations, translations=translations)
-    np.testing.assert_allclose(angles_between(moved), angles_between(chain), atol=1e-12)
-    np.testing.assert_allclose(distances_between(moved), distances_between(chain), atol=1e-12)

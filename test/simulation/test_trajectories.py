@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.errors import DataError, ShapeError
-from lip_id_ros.simulation import (
-    GrowingCosine,
-    MotionLimits,
-    SinusoidTrajectory,
-    StoppedTrajectory,
-)
+from lip_id_ros.simulation import MotionLimits, SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION
 
 
@@ -57,19 +52,6 @@ def test_limits_are_kept_and_one_of_each_joint_is_reached(seed: int) -> None:
     assert np.all(reach.max(axis=0) > 0.99)
 
 
-def test_same_seed_same_motion() -> None:
-    t = np.array([1.0, 2.0])
-    np.testing.assert_array_equal(random(3).sample(t), random(3).sample(t))
-    assert not np.allclose(random(3).sample(t), random(4).sample(t))
-
-
-def test_repeats_after_its_period_and_not_before() -> None:
-    first = random(2).sample(np.array([1.0]))
-    np.testing.assert_allclose(first, random(2).sample(np.array([51.0])), atol=1e-9)
-    for fraction in (2, 3, 5):
-        assert not np.allclose(first, random(2).sample(np.array([1.0 + 50.0 / fraction])))
-
-
 def test_limits_of_the_first_joints() -> None:
     first = MOTION.first(3)
     for name in ('q_min', 'q_max', 'dq_max', 'ddq_max'):
@@ -90,49 +72,3 @@ def test_limits_of_different_lengths() -> None:
 def test_limits_without_room() -> None:
     with pytest.raises(DataError, match='leave joint 2 no room'):
         MotionLimits(np.zeros(2), np.array([1.0, 0.0]), np.ones(2), np.ones(2))
-
-
-def test_a_stopped_motion_is_followed_and_ends_at_rest_without_a_jump() -> None:
-    motion = StoppedTrajectory(random(1), 3.0, 0.5)
-    t = np.linspace(0.0, 5.0, 5001)
-    q, dq, ddq = motion.sample(t)
-    before = t <= 3.0
-    for found, followed in zip((q, dq, ddq), random(1).sample(t[before]), strict=True):
-        np.testing.assert_allclose(found[before], followed, rtol=0.0, atol=1e-12)
-    assert not dq[t > 3.501].any()
-    for values, slope in ((q, dq), (dq, ddq)):
-        mean = 0.5 * (slope[1:] + slope[:-1]) * 1e-3
-        np.testing.assert_allclose(np.diff(values, axis=0), mean, atol=2e-4)
-
-
-CENTRE = np.array([0.3, -1.0])
-
-
-def test_reference_is_the_papers() -> None:
-    reference = GrowingCosine(CENTRE, 0.5, 10.0)
-    q, _, _ = reference.sample(np.array([0.0, 3.0, 9.5]))
-    np.testing.assert_allclose(q[0], CENTRE)
-    np.testing.assert_allclose(q[1], CENTRE - 0.05 * 3.0)
-    np.testing.assert_allclose(q[2], CENTRE + 0.05 * 9.5 * np.cos(9.5 * np.pi), atol=1e-12)
-
-
-def test_the_growing_cosine_has_its_derivatives() -> None:
-    reference, step = GrowingCosine(CENTRE, 0.6, 10.0), 1e-6
-    t = np.linspace(0.1, 9.9, 30)
-    before, at, after = (reference.sample(t + shift) for shift in (-step, 0.0, step))
-    np.testing.assert_allclose((after[0] - before[0]) / (2 * step), at[1], atol=1e-8)
-    np.testing.assert_allclose((after[1] - before[1]) / (2 * step), at[2], atol=1e-8)
-
-
-def test_one_time_and_many_agree() -> None:
-    reference = GrowingCosine(CENTRE, 0.5, 10.0)
-    many = reference.sample(np.array([1.0, 2.5]))
-    for one, rows in zip(reference.sample(2.5), many, strict=True):
-        assert one.shape == (2,)
-        np.testing.assert_array_equal(one, rows[1])
-
-
-@pytest.mark.parametrize('amplitude', [0.5, 0.6])
-def test_amplitude_is_reached_at_the_horizon(amplitude: float) -> None:
-    q, _, _ = GrowingCosine(CENTRE, amplitude, 10.0).sample(10.0)
-    np.testing.assert_allclose(q - CENTRE, amplitude)

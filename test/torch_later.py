@@ -1,0 +1,37 @@
+"""torch for tests: loaded, with its 500 MB, where a test first uses it, and by one worker."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import importlib
+import importlib.util
+from typing import Any
+
+import pytest
+
+NEEDS_TORCH = [
+    pytest.mark.skipif(
+        importlib.util.find_spec('torch') is None, reason='the reference differentiates with torch'
+    ),
+    pytest.mark.xdist_group('torch'),
+]
+"""The `pytestmark` of a file whose tests all need torch."""
+
+
+def needs_torch(test: Callable[..., None]) -> Callable[..., None]:
+    """Mark one test of a file."""
+    for mark in NEEDS_TORCH:
+        test = mark(test)
+    return test
+
+
+class _Later:
+    """Its attributes are those of the module; `LazyLoader` would load it where scipy looks."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith('_') or 'pytest' in name:  # pytest looks at what a test module holds
+            raise AttributeError(name)
+        return getattr(importlib.import_module('torch'), name)
+
+
+torch: Any = _Later()
