@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 import re
+import subprocess
+import sys
 
+from evaluation.models import small_model
 import numpy as np
 import pytest
 
@@ -16,6 +19,7 @@ from benchmarks import (
 )
 from benchmarks.__main__ import available, main
 from benchmarks._results import Results, Row
+from benchmarks.query import ALLOWED_BLOCKS
 
 pytestmark = pytest.mark.slow
 
@@ -105,3 +109,16 @@ def test_a_page_has_the_result_of_every_benchmark() -> None:
 def test_unknown_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['panda']) == 2
     assert ', '.join(available()) in capsys.readouterr().err
+
+
+def test_queries_leave_nothing_in_memory(tmp_path: Path) -> None:
+    model, figures = tmp_path / 'model.npz', tmp_path / 'figures.json'
+    small_model().save(model)
+    arguments = ['--model', str(model), '--calls', '3000', '--json', str(figures)]
+    # in a process of its own: threads that other tests have left take memory as well
+    command = [sys.executable, '-m', 'benchmarks', 'query', *arguments]
+    subprocess.run(command, check=True, cwd=ROOT)
+    first, *others = json.loads(figures.read_text())
+    assert first['calls'] == 3000
+    assert first['blocks'] <= ALLOWED_BLOCKS  # one a call would be 3000
+    assert all(row['ratio'] > 0 and 1 <= row['p99'] <= row['p999'] for row in (first, *others))
