@@ -12,11 +12,7 @@ README = Path(__file__).resolve().parent / 'README.md'  # colcon builds beside a
 WHEEL = {'bdist_wheel', 'dist_info', 'editable_wheel'}  # the commands that pip runs
 NODES = [
     f'{name} = lip_id_ros.programs:{name}'
-    for name in (
-        *('train', 'excite', 'serve', 'monitor', 'adapt', 'replay', 'computed_torque'),
-        'set_payload',
-        *('simulated_panda', 'simulated_arm', 'reference'),
-    )
+    for name in ('train', 'excite', 'serve', 'monitor', 'adapt', 'simulated_panda')
 ]
 
 

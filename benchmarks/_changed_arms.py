@@ -44,15 +44,6 @@ class FrictionalArm:
         return self._arm.inverse_dynamics(q, dq, ddq) + self._friction.torque(dq)
 
 
-def with_rotors(arm: SimulatedArm, inertia: Array) -> SimulatedArm:
-    """Copy an arm with rotors: inertias (n,) times gear ratios squared [kg m^2 or kg]."""
-
-    def add(model: Any) -> None:
-        model.armature = np.array(inertia, dtype=np.float64)
-
-    return arm.changed(add)
-
-
 def with_wrong_masses(
     arm: SimulatedArm, mass_share: float, centre_shift: float, rng: np.random.Generator
 ) -> SimulatedArm:

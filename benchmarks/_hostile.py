@@ -20,7 +20,6 @@ USES: Mapping[str, tuple[str, ...]] = {
     'serve': (),
     'train': ('rows',),
     'monitor': ('watched', 'too_soon', 'after_a_gap'),
-    'computed_torque': ('plans', 'torques', 'idle'),
     'adapt': (
         *('too_soon', 'after_a_gap', 'out_of_range', 'waiting'),
         *('learned', 'held', 'disturbed', 'resting', 'settling', 'stuck'),

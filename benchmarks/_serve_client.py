@@ -36,6 +36,9 @@ from lip_id_ros.simulation.arm import MOTION
 LIMITS = [87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]  # data sheet [N m]
 START_SECONDS, LAST_SECONDS, TURN_S = 120.0, 2.0, 4.0
 WARM_UP = -1
+LATE_MS = 1, 2, 5
+"""An answer that comes later is missed by a loop that asks so long ahead."""
+
 STAMP, STAMP_OFFSET = struct.Struct('<iI'), 4
 """The first field of a message with a header, after the four bytes of the encoding."""
 
@@ -188,6 +191,7 @@ class Client:
             'sent_per_second': len(numbers) / elapsed,
             'lost': len(numbers) - len(ms),
             'wrong': sum(not safe(answer) for _, answer in answers),
+            **{f'late_percent_{late}': missed(ms, len(numbers), late) for late in LATE_MS},
             'answer_ms_median': float(np.median(ms)),
             'answer_ms_p99': float(np.percentile(ms, 99)),
             'answer_ms_max': max(ms),
@@ -219,6 +223,11 @@ def numbered(message: bytearray, number: int) -> bytes:
     """Stamp a serialized reference with its number; a stamp of zero would mean now."""
     STAMP.pack_into(message, STAMP_OFFSET, *divmod(number + 2, messages.NANOSECONDS))
     return bytes(message)
+
+
+def missed(ms: Sequence[float], count: int, most_ms: float) -> float:
+    """Return the share of references that were answered later than this, or never [%]."""
+    return 100.0 * (1.0 - sum(each <= most_ms for each in ms) / count)
 
 
 def number_of(answer: JointState) -> int:

@@ -1,6 +1,5 @@
 // A controller manager whose mock hardware is a simulated arm: effort commands move it, positions
-// and velocities are its own, efforts have noise. It takes a payload up at SIGUSR1 and puts it down
-// at SIGUSR2. See track_controller.py and carry.py.
+// and velocities are its own, efforts have noise. See track_controller.py.
 //
 // The libraries of the hardware are there without their headers, so what is called is declared
 // here. `read` of the mock hardware is defined here too: that of the program is taken before that
@@ -12,12 +11,10 @@
 #include <sched.h>
 
 #include <cmath>
-#include <csignal>
 #include <cstdio>
 #include <random>
 
 #include "arm_dynamics.h"
-#include "loaded_dynamics.h"
 
 namespace hardware_interface
 {
@@ -50,7 +47,6 @@ constexpr double kSlope = 20.0;  // above the steepest slope of friction [N m s/
 
 constexpr double kNoise = 0.05;  // of efforts that are measured [N m]
 
-volatile std::sig_atomic_t loaded = 0;
 double q[N] = {0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785}, dq[N];
 std::string names[N];
 
@@ -72,8 +68,8 @@ void solve(double (*M)[N], double * x)
 void advance(const double * tau)
 {
   double M[N][N], bias[N], zero[N] = {}, ddq[N];
-  (loaded ? loaded_inertia_matrix : arm_inertia_matrix)(q, &M[0][0]);
-  (loaded ? loaded_torque : arm_torque)(q, dq, zero, bias);
+  arm_inertia_matrix(q, &M[0][0]);
+  arm_torque(q, dq, zero, bias);
   for (int i = 0; i < N; i++) {
     ddq[i] = tau[i] - bias[i];
     M[i][i] += kStep * kSlope;
@@ -109,8 +105,6 @@ hardware_interface::return_type mock_components::GenericSystem::read(
 int main(int count, char ** arguments)
 {
   for (int i = 0; i < N; i++) names[i] = "panda_joint" + std::to_string(i + 1);
-  std::signal(SIGUSR1, [](int) { loaded = 1; });
-  std::signal(SIGUSR2, [](int) { loaded = 0; });
   auto & manager = made(count, arguments);
   // controllers read the clock: a late cycle is an error of the arm, so be as punctual as allowed
   sched_param parameters{};

@@ -116,7 +116,6 @@ def small_model(kernel: str) -> Any:
 def parameters_of(model: str, arm: str, folder: str) -> dict[str, dict[str, str]]:
     """Return the parameters of each node."""
     joints, limits = json.dumps(NAMES), json.dumps(LIMITS)
-    gains = {'stiffness': '[10.0, 10.0]', 'damping': '[1.0, 1.0]'}
     return {
         'serve': {
             'model_path': model,
@@ -130,7 +129,6 @@ def parameters_of(model: str, arm: str, folder: str) -> dict[str, dict[str, str]
             'max_rows': '3000',
         },
         'monitor': {'model_path': model, 'joints': joints},
-        'computed_torque': {'joints': joints, 'torque_limits': limits, **gains},
         'adapt': {'model_path': arm, 'joints': joints, 'state_path': f'{folder}/adapted.npz'},
     }
 
@@ -166,13 +164,10 @@ class Fuzzer:
                 lambda message, name=name: self.answers.status(name, message),
                 qos.LATCHED,
             )
-        for topic in ('/serve/feedforward_torque', '/computed_torque/command'):
-            node.create_subscription(JointState, topic, self.answers.torque, qos.OUTPUT)
+        topic = '/serve/feedforward_torque'
+        node.create_subscription(JointState, topic, self.answers.torque, qos.OUTPUT)
         self._reference = node.create_publisher(
             JointTrajectory, '/serve/desired_trajectory', qos.REFERENCE
-        )
-        self._plan = node.create_publisher(
-            JointTrajectory, '/computed_torque/joint_trajectory', qos.REFERENCE
         )
         self._states = node.create_publisher(JointState, '/joint_states', qos.OUTPUT)
         self._clients = {
@@ -205,17 +200,13 @@ class Fuzzer:
         self._until(self._all_counted, LOST_SECONDS)
 
     def _send(self, state: JointState, number: int) -> None:
-        kind = number % 3
-        if kind == 0:
-            self._states.publish(state)
-            for name in USES:
-                self.sent[name] += 1
-        elif kind == 1:
+        if number % 2:
             self._reference.publish(hostile_trajectory(self._rng, number, NAMES))
             self.sent['serve'] += 1
         else:
-            self._plan.publish(hostile_trajectory(self._rng, number, NAMES))
-            self.sent['computed_torque'] += 1
+            self._states.publish(state)
+            for name in USES:
+                self.sent[name] += 1
 
     def _all_counted(self) -> bool:
         return all(

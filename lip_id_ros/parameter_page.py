@@ -12,8 +12,6 @@ import sys
 
 from lip_id_ros.acquisition.settings import train_parameters
 from lip_id_ros.adaptation.live import AdaptSettings
-from lip_id_ros.control.settings import ControlSettings
-from lip_id_ros.demo.settings import ArmSettings, ReferenceSettings
 from lip_id_ros.excitation.settings import RoundSettings
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.monitoring.monitor import MonitorSettings
@@ -26,7 +24,7 @@ INTRODUCTION = f"""\
 # Parameters of the nodes
 
 The nodes declare and check their parameters by the settings tables in `lip_id_ros/acquisition`,
-`excitation`, `feedforward`, `monitoring`, `adaptation`, `control` and `demo`, and those of a fit.
+`excitation`, `feedforward`, `monitoring` and `adaptation`, and those of a fit.
 `{COMMAND}` writes this page from them.
 
 - Start from [train.yaml](../../config/train.yaml) and [serve.yaml](../../config/serve.yaml), which
@@ -70,9 +68,6 @@ def node_parameters() -> dict[str, dict[str, Row]]:
         'serve': ServeSettings,
         'monitor': MonitorSettings,
         'adapt': AdaptSettings,
-        'computed_torque': ControlSettings,
-        'simulated_arm': ArmSettings,
-        'reference': ReferenceSettings,
     }
     return {
         'train': train_parameters(),

@@ -15,8 +15,6 @@ import pytest
 
 from lip_id_ros.acquisition.recorder import Recorder
 from lip_id_ros.adaptation.live import AdaptSettings, LiveAdaptation
-from lip_id_ros.control.plan_controller import PlanController
-from lip_id_ros.control.settings import ControlSettings
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.monitoring.monitor import Monitor, MonitorSettings
 
@@ -73,13 +71,6 @@ def of_monitor(factory: pytest.TempPathFactory) -> Mapping[str, Any]:
     return Monitor(MonitorSettings(model_path=toy.model_path(factory))).values()
 
 
-def of_controller(_: pytest.TempPathFactory) -> Mapping[str, Any]:
-    settings = ControlSettings(
-        joints=('a',), stiffness=(1.0,), damping=(1.0,), torque_limits=(1.0,)
-    )
-    return PlanController(settings).status().values
-
-
 def of_adapt(factory: pytest.TempPathFactory) -> Mapping[str, Any]:
     path = factory.mktemp('adapt') / 'arm.npz'
     known_model().save(path)
@@ -91,7 +82,6 @@ STATUSES: Mapping[str, Callable[[pytest.TempPathFactory], Mapping[str, Any]]] = 
     'train': lambda _: Recorder((), 1).status(),
     'monitor': of_monitor,
     'adapt': of_adapt,
-    'computed_torque': of_controller,
 }
 
 

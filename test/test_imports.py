@@ -98,22 +98,20 @@ PARTS = {
         *('recording', 'rigid_body', 'settings', 'signals'),
     },
     'signals': {'model', 'recording'},
-    'control': {'model', 'recording', 'settings', 'signals'},
     'monitoring': {'adaptation', 'model', 'recording', 'settings', 'signals'},
     'feedforward': {'adaptation', 'model', 'recording', 'settings', 'signals'},
-    'simulation': {'control', 'dataset', 'evaluation', 'recording', 'rigid_body'},
+    'simulation': {'dataset', 'evaluation', 'recording', 'rigid_body'},
 }
 # These may import every part above; nobody imports them, but for the exceptions named here.
 INNER = set(PARTS)
 PARTS |= {
     '__init__': INNER,  # the Python face
-    'acquisition': INNER - {'control', 'feedforward', 'monitoring', 'simulation'},
+    'acquisition': INNER - {'feedforward', 'monitoring', 'simulation'},
     'nodes': INNER - {'simulation'} | {'acquisition'},
     'cli': INNER,
     'demo': {'dataset', 'nodes', 'recording', 'settings', 'signals', 'simulation'},
     'parameter_page': {
-        *('acquisition', 'adaptation', 'control', 'demo', 'excitation', 'feedforward'),
-        *('monitoring', 'settings'),
+        *('acquisition', 'adaptation', 'excitation', 'feedforward', 'monitoring', 'settings'),
     },
 }
 
@@ -138,7 +136,6 @@ FOREIGN = {
         'feedforward/plan_files',
         'fleet/sources',
         'fleet/stored_files',
-        'nodes/set_payload',
     ),
     'coal': ('excitation/shapes',),
     'pinocchio': ('simulation', 'export/check', 'excitation/shapes'),
@@ -158,7 +155,6 @@ FOREIGN = {
     'lifecycle_msgs': ROS,
     'pal_statistics_msgs': ROS,
     'rcl_interfaces': ROS,
-    'rosidl_runtime_py': ROS,
     'sensor_msgs': ROS,
     'std_msgs': ROS,
     'std_srvs': ROS,
@@ -244,7 +240,6 @@ LIGHT = {
     'lip_id_ros.cli': ('torch', 'rclpy', 'pinocchio', 'matplotlib'),
     'lip_id_ros.acquisition.recorder': ('torch', 'numba', 'matplotlib', 'pinocchio'),
     'lip_id_ros.acquisition.settings': ('torch', 'numba', 'matplotlib', 'pinocchio'),
-    'lip_id_ros.control.plan_controller': ('torch', 'numba', 'matplotlib', 'pinocchio'),
 }
 
 

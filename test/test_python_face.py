@@ -16,7 +16,7 @@ import lip_id_ros as lip
 
 LIMITS = lip.ExcitationConfig(
     lip.MotionSettings(lower=(-1.0,), upper=(1.0,), velocity=(1.0,)),
-    search=lip.SearchSettings(draws=1, steps=0),
+    search=lip.SearchSettings(draws=1),
 )
 PLAN = lip.Plan(training().joint_names, np.arange(2.0), np.zeros((3, 2, 3)))
 MASKED = np.ma.masked_array(np.zeros((4, 3), int), mask=np.eye(4, 3, dtype=bool))

@@ -1,1 +1,1 @@
-"""ROS nodes of a simulated Panda, and their settings."""
+"""The ROS node of a simulated Panda."""

@@ -70,7 +70,7 @@ class Constraints:
         broken = [one.settings for one in self.each if not one.is_kept(motion, fine=True)]
         return ConfigError(
             f'{" and ".join(broken) or "the limits"} must leave more than {LEAST_SHARE:.0%} of '
-            'the motion that the joints may make, but do not: the posture is too near; choose '
+            'the motion that the joints may make, but leave less: the posture is too near; choose '
             'another posture, or widen them.'
         )
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from lip_id_ros.evaluation.tables import Table
 from lip_id_ros.excitation.planning import ExcitingMotion
 from lip_id_ros.export.friction_table import Coefficient, friction_table
@@ -66,26 +64,10 @@ def motion_lines(found: ExcitingMotion) -> list[str]:
     """Return sentences on how far and how fast a motion goes, and on what it gains."""
     count = len(found.design.drawn)
     lines = [
-        *extreme_lines(found),
+        *found.sentences,
         f'Best of {count} random motions: the expected squared error of torques after it is '
         f'{found.gain:.2f} of that after the median draw.',
     ]
     if found.learning is not None and found.limits.torque is None:
         lines.append('Torques have no limit here; give motion.torque_limits, or a URDF.')
     return lines
-
-
-def extreme_lines(found: ExcitingMotion) -> list[str]:
-    """Return the lowest and the farthest point and the fastest joint, and what is not checked."""
-    speeds = found.peaks[1]
-    fastest = int(np.argmax(speeds))
-    unit = POSITION_UNITS[found.joint_types[fastest]]
-    line = f'Fastest joint: {found.joint_names[fastest]}, {speeds[fastest]:.3g} {unit}/s.'
-    if found.extremes is not None:
-        (low, height), (far, distance) = found.extremes
-        side = 'above' if height >= 0.0 else 'below'
-        line = (
-            f'Lowest point: {low}, {abs(height):.2f} m {side} the base plane. Farthest point: '
-            f'{far}, {distance:.2f} m from the base. {line}'
-        )
-    return [line, *filter(None, [found.unchecked])]

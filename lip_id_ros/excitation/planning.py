@@ -40,7 +40,7 @@ from lip_id_ros.excitation.settings import (
     TargetSettings,
 )
 from lip_id_ros.excitation.trajectory_file import sampled, Trajectory, writer_for
-from lip_id_ros.joint_types import REVOLUTE
+from lip_id_ros.joint_types import POSITION_UNITS, REVOLUTE
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.settings import read_sections
@@ -100,6 +100,22 @@ class ExcitingMotion:
     def extremes(self) -> Extremes | None:
         """The lowest and the farthest point of the motion; None where nobody knows the links."""
         return None if self.clearance is None else self.clearance.extremes(self.motion)
+
+    @cached_property
+    def sentences(self) -> tuple[str, ...]:
+        """The lowest and the farthest point and the fastest joint, and what nobody has checked."""
+        speeds = self.peaks[1]
+        fastest = int(np.argmax(speeds))
+        unit = POSITION_UNITS[self.joint_types[fastest]]
+        line = f'Fastest joint: {self.joint_names[fastest]}, {speeds[fastest]:.3g} {unit}/s.'
+        if self.extremes is not None:
+            (low, height), (far, distance) = self.extremes
+            side = 'above' if height >= 0.0 else 'below'
+            line = (
+                f'Lowest point: {low}, {abs(height):.2f} m {side} the base plane. Farthest point: '
+                f'{far}, {distance:.2f} m from the base. {line}'
+            )
+        return (line, self.unchecked) if self.unchecked else (line,)
 
     @property
     def gain(self) -> float:

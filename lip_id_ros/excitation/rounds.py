@@ -15,7 +15,6 @@ from lip_id_ros.description.urdf import urdf_text
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.excitation.constraints import next_size
 from lip_id_ros.excitation.joint_limits import limits_from, posture_from
-from lip_id_ros.excitation.motion_tables import extreme_lines
 from lip_id_ros.excitation.planning import (
     config_of,
     design_motion,
@@ -104,8 +103,8 @@ def next_motion(
         config, motion=replace(config.motion, size=_size(request, config, urdf, model))
     )
     found = design_motion(config, urdf and urdf[0], model, progress=progress)
-    size, sentences = config.motion.size, tuple(extreme_lines(found))
-    return NextMotion(size, found.trajectory, _deviation_percent(found), sentences), found
+    size = config.motion.size
+    return NextMotion(size, found.trajectory, _deviation_percent(found), found.sentences), found
 
 
 def _at_present(

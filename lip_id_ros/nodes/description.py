@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-import time
 
 from std_msgs.msg import String
 
@@ -14,11 +13,6 @@ from lip_id_ros.nodes import qos
 from lip_id_ros.nodes.node import NodeBase
 
 NAME = 'robot_description'
-
-WAIT_S = 10.0
-"""A latched message that there is comes sooner, from a publisher that starts beside the node."""
-
-POLL_S = 0.05
 
 
 class Description:
@@ -36,14 +30,6 @@ class Description:
         if not given:
             self._subscription = node.create_subscription(String, NAME, self._take, qos.LATCHED)
             self._place = self._subscription.topic_name
-
-    def wait(self) -> None:
-        """Wait until a URDF has come, `WAIT_S` at most; for a node that does not spin yet."""
-        end = time.monotonic() + WAIT_S
-        while not self._text and time.monotonic() < end:
-            time.sleep(POLL_S)
-            for message, _ in self._node.arrived(self._subscription):
-                self._take(message)
 
     def require(self, setting: str, remedy: str) -> str:
         """Return the URDF that a setting asks for; DataError if there is none."""

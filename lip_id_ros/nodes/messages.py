@@ -133,47 +133,6 @@ def is_sample(raw: bytes) -> bool:
         return False
 
 
-def recorded_joint_state(recorded: Any) -> JointState:
-    """Return a message that was read from a bag, as one that can be published."""
-    message = JointState(
-        name=list(recorded.name),
-        position=_doubles(recorded.position),
-        velocity=_doubles(recorded.velocity),
-        effort=_doubles(recorded.effort),
-    )
-    _copy_header(recorded, message)
-    return message
-
-
-def recorded_trajectory(recorded: Any) -> JointTrajectory:
-    """Return a message that was read from a bag, as one that can be published."""
-    message = JointTrajectory(joint_names=list(recorded.joint_names))
-    message.points = [_recorded_point(point) for point in recorded.points]
-    _copy_header(recorded, message)
-    return message
-
-
-def _recorded_point(recorded: Any) -> JointTrajectoryPoint:
-    after = recorded.time_from_start
-    return JointTrajectoryPoint(
-        positions=_doubles(recorded.positions),
-        velocities=_doubles(recorded.velocities),
-        accelerations=_doubles(recorded.accelerations),
-        effort=_doubles(recorded.effort),
-        time_from_start=Duration(sec=int(after.sec), nanosec=int(after.nanosec)),
-    )
-
-
-def _copy_header(recorded: Any, message: Any) -> None:
-    stamp = recorded.header.stamp
-    message.header.stamp = Time(sec=int(stamp.sec), nanosec=int(stamp.nanosec))
-    message.header.frame_id = recorded.header.frame_id
-
-
-def _doubles(values: Any) -> array[float]:
-    return doubles(np.asarray(values, dtype=np.float64))
-
-
 def status_message(name: str, hardware: str, status: Status) -> DiagnosticStatus:
     """Return a status as a message: nested values as dotted keys, texts as they are, else JSON."""
     message = DiagnosticStatus(name=name, hardware_id=hardware, message=status.summary)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 import functools
@@ -12,19 +11,16 @@ import socket
 import time
 import traceback
 from typing import Any
-from weakref import WeakKeyDictionary
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.nodes import messages, parameters, qos
-from lip_id_ros.nodes.losses import Losses
 from lip_id_ros.settings import Row
 from lip_id_ros.signals.joints import HARMLESS, RefusedError
 from lip_id_ros.signals.status import Level, Status
@@ -41,8 +37,7 @@ class NodeBase(Node):
 
     An exception of a subscription's, a service's or a timer's callback is logged and counted
     (`faults`, `last_fault`), the robot gets the safe torque, and a service answers without
-    success. Refusals are not such exceptions: they are handled where they arise. `lost` counts by
-    topic the messages that were lost before they could be taken.
+    success. Refusals are not such exceptions: they are handled where they arise.
 
     The status is latched on ~/status where it changes, and goes to /diagnostics twice a second.
     InvalidParameterValueException or ConfigError if a parameter is given that is wrong or unknown.
@@ -52,8 +47,6 @@ class NodeBase(Node):
     last_fault = ''
 
     def __init__(self, name: str, table: Mapping[str, Row]) -> None:
-        self.lost: Counter[str] = Counter()
-        self._losses: WeakKeyDictionary[Any, Losses] = WeakKeyDictionary()
         super().__init__(name)
         self._table = table
         self._logged: dict[str, float] = {}
@@ -117,14 +110,12 @@ class NodeBase(Node):
                 continue
             if taken is None:
                 return
-            if subscription in self._losses:
-                self._losses[subscription].note(taken[1])
             yield taken
 
     def take_waiting(self, subscription: Any) -> None:
         """Run the callback for messages that have arrived and no executor takes any more."""
-        for taken in self.arrived(subscription):
-            subscription.callback(taken)
+        for message, _ in self.arrived(subscription):
+            subscription.callback(message)
 
     def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> None:
         """Create a timer that goes on where a paused simulation stops the node's clock."""
@@ -132,7 +123,7 @@ class NodeBase(Node):
 
     def publish_status(self) -> None:
         """Publish the status to /diagnostics, and to ~/status if anything changed."""
-        status = self._with_warnings(self._with_faults(self._with_losses(self.status())))
+        status = self._with_warnings(self._with_faults(self.status()))
         name = self.get_fully_qualified_name().lstrip('/')
         message = messages.status_message(name, self._hardware, status)
         if message != self._last_status:
@@ -157,21 +148,9 @@ class NodeBase(Node):
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Any, profile: QoSProfile, **options: Any
     ) -> Any:
-        """Create a guarded subscription that counts the messages it loses."""
-        if profile.depth == 1:  # only the newest counts
-            guarded = self._guarded(callback)
-            return super().create_subscription(msg_type, topic, guarded, profile, **options)
-        losses = Losses(topic.removeprefix('~/'))
-        subscription = super().create_subscription(
-            msg_type,
-            topic,
-            self._guarded(losses.noting(callback)),
-            profile,
-            event_callbacks=SubscriptionEventCallbacks(message_lost=losses.on_event),
-            **options,
-        )
-        self._losses[subscription] = losses
-        return subscription
+        """Create a guarded subscription."""
+        guarded = self._guarded(callback)
+        return super().create_subscription(msg_type, topic, guarded, profile, **options)
 
     def create_service(self, srv_type: Any, srv_name: str, callback: Any, **options: Any) -> Any:
         """Create a guarded service."""
@@ -256,29 +235,6 @@ class NodeBase(Node):
 
     def _apply_parameters(self, changed: Sequence[Parameter]) -> None:
         self.apply_change(parameters.changed_values(self._table, changed))
-
-    def _with_losses(self, status: Status) -> Status:
-        """Add the messages that were lost, with a warning of those since the last status."""
-        new = self._new_losses()
-        self.lost.update(new)
-        uncounted = sorted({each.topic for each in self._losses.values() if each.uncounted})
-        values = {**status.values, 'lost': dict(self.lost), 'lost_uncounted': uncounted}
-        if not new:
-            return replace(status, values=values)
-        told = f'lost before they were taken: {", ".join(f"{n} of {on}" for on, n in new.items())}'
-        if self._is_due('lost', 5.0):
-            self.get_logger().warning(f'messages {told}')
-        return Status(max(status.level, Level.WARN), f'{status.summary}; messages {told}', values)
-
-    def _new_losses(self) -> dict[str, int]:
-        new: Counter[str] = Counter()
-        for subscription in self.subscriptions:
-            if subscription in self._losses:
-                losses = self._losses[subscription]
-                publishers = self.get_publishers_info_by_topic(subscription.topic_name)
-                gids = {bytes(each.endpoint_gid) for each in publishers}
-                new[losses.topic] += losses.settle(gids)
-        return dict(+new)
 
     def _with_faults(self, status: Status) -> Status:
         values = {**status.values, 'faults': self.faults, 'last_fault': self.last_fault}

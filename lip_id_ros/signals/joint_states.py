@@ -12,7 +12,7 @@ from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError
 
-if TYPE_CHECKING:  # numba, which `train` and `computed_torque` start without
+if TYPE_CHECKING:  # numba, which `train` starts without
     from lip_id_ros.model import EffortCalibration
 
 CONFIRMED_BY = 3

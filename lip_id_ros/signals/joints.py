@@ -38,8 +38,6 @@ class Refusal(StrEnum):
     NOT_FINITE = 'value not finite'
     NOT_FINITE_TORQUE = 'torque not finite'
     TOO_LARGE = 'value too large'
-    CONTRADICTION = 'positions contradict velocities'
-    ENDS_IN_MOTION = 'plan ends in motion'
     NO_STAMP = 'stamp missing'
     REPEATED_STAMP = 'stamp repeated'
     BACKWARD_STAMP = 'stamp went back'
@@ -110,13 +108,6 @@ _SENTENCES = {
         'the torque would not be finite, the motion is far from what the model was trained on'
     ),
     Refusal.TOO_LARGE: 'a value is larger than that of any arm; check its unit and publisher',
-    Refusal.CONTRADICTION: (
-        'positions of a plan must follow from its velocities, to 0.05 rad or m and the way between'
-        ' two points; correct them or send more points'
-    ),
-    Refusal.ENDS_IN_MOTION: (
-        'a plan must end at rest, within 0.01 rad/s or m/s, since its last point is held'
-    ),
     Refusal.NO_STAMP: 'the stamp is zero; use a driver that stamps its joint states',
     Refusal.REPEATED_STAMP: 'the stamp is that of the last joint state; check the driver',
     Refusal.BACKWARD_STAMP: (

@@ -1,4 +1,4 @@
-"""The beginning of a serialised JointTrajectory: stamp, joints and the number of its points."""
+"""The beginning of a serialised JointTrajectory: its stamp and the number of its points."""
 
 from __future__ import annotations
 
@@ -19,17 +19,14 @@ class TrajectoryHeader(NamedTuple):
     """What is before the points."""
 
     stamp_ns: int  # [ns]
-    names: tuple[str, ...]  # joints
     n_points: int
-    at: int  # where points begin, from the end of the encapsulation
-    order: str  # byte order, as `struct` has it
 
 
 def read_header(raw: bytes) -> TrajectoryHeader:
     """
-    Read the names and the number of points of CDR bytes, without the points.
+    Read stamp and number of points of CDR bytes, without the points.
 
-    RefusedError if it ends before, or names more than `MOST_NAMES` joints.
+    RefusedError if it ends before, names more than `MOST_NAMES` joints, or a name is no text.
     """
     order = '<' if raw[1:2] == b'\x01' else '>'
     body = memoryview(raw)[ENCAPSULATION:]
@@ -46,13 +43,10 @@ def read_header(raw: bytes) -> TrajectoryHeader:
         n_names, at = number(at), at + COUNT
         if n_names > MOST_NAMES:
             raise RefusedError(Refusal.TOO_MANY_NAMES)
-        names = []
         for _ in range(n_names):
-            length = number(at)
-            names.append(bytes(body[at + COUNT : at + COUNT + length]).rstrip(b'\0').decode())
+            bytes(body[at + COUNT : at + COUNT + number(at)]).decode()
             at = after_string(at)
-        stamp_ns = NANOSECONDS * sec + nanosec
-        return TrajectoryHeader(stamp_ns, tuple(names), number(at), at + COUNT, order)
+        return TrajectoryHeader(NANOSECONDS * sec + nanosec, number(at))
     except (struct.error, UnicodeDecodeError):
         raise RefusedError(Refusal.MALFORMED) from None
 

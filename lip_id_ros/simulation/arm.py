@@ -87,23 +87,6 @@ class SimulatedArm:
         """Potential energy [J], shape (N,), zero where all mass is at the height of the base."""
         return self._each(self._pinocchio.computePotentialEnergy, q)
 
-    def inertia_matrix(self, q: Array) -> Array:
-        """Inertia matrices M [kg m^2 or kg], shape (N, n, n), of positions of shape (N, n)."""
-        upper = np.triu(self._each(self._pinocchio.crba, q))
-        return upper + np.triu(upper, 1).transpose(0, 2, 1)
-
-    def forward_dynamics(self, q: Array, dq: Array, tau: Array) -> Array:
-        """Return accelerations (n,) of one state [rad/s^2 or m/s^2] (articulated bodies)."""
-        return np.array(self._pinocchio.aba(self._model, self._data, q, dq, tau))
-
-    def with_rotor_inertia(self, inertia: Array) -> SimulatedArm:
-        """Copy with rotors: inertias (n,) times gear ratios squared [kg m^2 or kg]."""
-
-        def add(model: Any) -> None:
-            model.armature = np.array(inertia, dtype=np.float64)
-
-        return self.changed(add)
-
     def changed(self, change: Callable[[Any], None]) -> SimulatedArm:
         """Copy whose pinocchio model has been changed in place by a function."""
         other = copy.copy(self)

@@ -1,4 +1,4 @@
-"""Motions whose derivatives are known exactly: exciting sums of sinusoids, and a reference."""
+"""Exciting sums of sinusoids, whose derivatives are known exactly."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import BPoly
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError, ShapeError
@@ -142,57 +141,3 @@ class SinusoidTrajectory:
         bounds = np.array([reach, limits.dq_max, limits.ddq_max])
         peaks = np.array([np.abs(values).max(axis=0) for values in (q, dq, ddq)])
         return HEADROOM * np.min(bounds / peaks, axis=0)
-
-
-COSINE_RATE = np.pi  # rad/s
-
-
-@dataclass(frozen=True)
-class GrowingCosine:
-    r"""
-    Every joint swings around a posture, ever further (paper, eq. `ref_ctrl`).
-
-    .. math:: q_i(t) = \bar q_i + \frac{A}{T} t \cos(\pi t)
-
-    A is reached at the horizon T [s]. The paper's equation has no posture `centre`, shape (n,); a
-    Panda's fourth joint, which cannot reach zero, needs one.
-    """
-
-    centre: Array
-    amplitude: float
-    horizon: float
-
-    def sample(self, t: float | Array) -> tuple[Array, Array, Array]:
-        """Return q, dq and ddq at one time [s], each (n,), or at times (N,), each (N, n)."""
-        time = np.asarray(t, dtype=np.float64)[..., np.newaxis]
-        slope = self.amplitude / self.horizon * np.ones_like(self.centre)
-        sin, cos = np.sin(COSINE_RATE * time), np.cos(COSINE_RATE * time)
-        q = self.centre + slope * time * cos
-        dq = slope * (cos - COSINE_RATE * time * sin)
-        ddq = -slope * COSINE_RATE * (2 * sin + COSINE_RATE * time * cos)
-        return q, dq, ddq
-
-
-@dataclass(frozen=True)
-class StoppedTrajectory:
-    """A motion that is followed until a time [s], and then brought to rest within some seconds."""
-
-    motion: Trajectory
-    until: float
-    within: float = 1.0
-
-    def sample(self, t: Array) -> JointMotion:
-        """Return q, dq and ddq at times (N,) [s], each (N, n): at the end a quintic polynomial."""
-        time = np.asarray(t, dtype=np.float64)
-        q, dq, ddq = (part[0] for part in self.motion.sample(np.array([self.until])))
-        rest = np.zeros_like(q)
-        end = [q + 0.5 * self.within * dq, rest, rest]
-        stop = BPoly.from_derivatives([0.0, self.within], [[q, dq, ddq], end])
-        after = np.clip(time - self.until, 0.0, self.within)
-        moving = (time <= self.until)[:, np.newaxis]
-        before = self.motion.sample(np.minimum(time, self.until))
-        stopping = (stop(after), stop.derivative()(after), stop.derivative(2)(after))
-        first, second, third = (
-            np.where(moving, *parts) for parts in zip(before, stopping, strict=True)
-        )
-        return first, second, third

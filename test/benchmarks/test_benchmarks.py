@@ -5,28 +5,20 @@ from __future__ import annotations
 import json
 from pathlib import Path
 import re
-import subprocess
-import sys
 
-from benchmarks.query_million import ALLOWED_BLOCKS
-from evaluation.models import small_model
-from export.arms import model_of, random_arm
 import numpy as np
 from programs import installed
 import pytest
 from ros_domain import free_domain
 
 from benchmarks import (
-    c_against_pinocchio,
     deviations,
-    long_recording,
     panda_monte_carlo,
     real_arms,
     track_controller,
 )
 from benchmarks.__main__ import available, main
 from benchmarks._results import Results, Row
-from lip_id_ros.recording import read_bag
 
 pytestmark = pytest.mark.slow
 
@@ -113,105 +105,54 @@ def test_a_page_has_the_result_of_every_benchmark() -> None:
     assert sorted(set(available()) - named) == []
 
 
-def test_reading_is_measured_in_processes_of_its_own(tmp_path: Path) -> None:
-    figures = tmp_path / 'figures.json'
-    arguments = ['--messages', '300', '--camera-mb', '1', '--json', str(figures)]
-    assert main(['read_bags', *arguments]) == 0
-    rows = json.loads(figures.read_text())
-    assert [row['messages'] for row in rows] == [300] * 3
-
-
-def test_the_header_against_pinocchio(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The exit status is not 0 where the torques differ; without Eigen it says so."""
-    figures = tmp_path / 'figures.json'
-    flags = f'-O0 {c_against_pinocchio.FROM_LIBRARY}'
-    arguments = ['--blocks', '1', '--flags', flags, '--json', str(figures)]
-    status = main(['c_against_pinocchio', *arguments])
-    if not any(folder.is_dir() for folder in c_against_pinocchio.EIGEN):
-        assert status == 2
-        assert 'the headers of Eigen were expected' in capsys.readouterr().err
-        return
-    assert status == 0
-    (row,) = json.loads(figures.read_text())
-    assert float(row['ratio']) > 0.0
-
-
 @pytest.mark.ros
 @pytest.mark.ros2_control
-def test_the_header_in_the_loop_of_a_controller_manager(
+def test_an_arm_behind_a_controller_is_learned_and_tracked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if installed('controller_manager', 'ros2_control_node') is None:
         pytest.skip('needs a controller manager; with g++ make setup compiles it')
-    model, figures = tmp_path / 'model.npz', tmp_path / 'figures.json'
-    model_of(random_arm('RR')).save(model)
-    arguments = ['--cycles', '2000', '--priorities', '0', '--model', str(model)]
-    with free_domain() as domain:
-        monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
-        assert main(['header_in_loop', *arguments, '--json', str(figures)]) == 0
-    rows = {row['part']: row for row in json.loads(figures.read_text())}
-    assert rows['controllers']['over_period'].endswith('of 2000')
-    assert rows['header']['over_period'].endswith('of 1000')
-    assert 0.0 < rows['header']['50'] < rows['controllers']['50']
-
-
-@pytest.mark.ros
-@pytest.mark.ros2_control
-def test_an_arm_behind_a_controller_is_tracked_with_each_feedforward(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if installed('controller_manager', 'ros2_control_node') is None:
-        pytest.skip('needs a controller manager; with g++ make setup compiles it')
-    model, figures = tmp_path / 'model.npz', tmp_path / 'figures.json'
-    model_of(track_controller.true_arm()).save(model)
-    arguments = ['--model', str(model), '--motions', 'point to point', '--json', str(figures)]
+    figures = tmp_path / 'figures.json'
+    arguments = ['--horizon', '4', '--amplitudes', '0.5', '--json', str(figures)]
     with free_domain() as domain:
         monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
         assert main(['track_controller', *arguments]) == 0
-    rows = json.loads(figures.read_text())
-    assert [row['feedforward'] for row in rows] == list(track_controller.WAYS)
-    none, kdl, *ours = (row['rms_mrad'] for row in rows)
-    assert max(ours) < kdl < none  # the model is that of the arm
+    rows = {row['feedforward']: row for row in json.loads(figures.read_text())}
+    nominal, learned = (
+        np.array(rows[name]['feedback_mean_square'])
+        for name in (track_controller.NOMINAL, track_controller.LEARNED)
+    )
+    assert np.exp(np.log(learned / nominal).mean()) < 0.3
 
 
-@pytest.mark.parametrize('name', list(track_controller.MOTIONS))
-def test_motions_begin_and_end_at_rest_and_fit_their_derivatives(name: str) -> None:
-    t, q, dq, ddq = track_controller.MOTIONS[name]()
+def test_the_reference_is_the_papers_and_begins_and_ends_at_rest() -> None:
+    amplitude, horizon, ease = 0.6, 10.0, track_controller.EASE_S
+    t, (q, dq, ddq) = track_controller.reference(amplitude, horizon)
+    since = t - ease
+    within = (since >= 0.0) & (since <= horizon)
+    swing = amplitude / horizon * since * np.cos(np.pi * since)
+    expected = track_controller.POSTURE + swing[:, None]
+    np.testing.assert_allclose(q[within], expected[within], atol=1e-12)
     np.testing.assert_allclose(dq[-1], 0.0, atol=1e-12)
-    np.testing.assert_allclose(q[0], track_controller.POSTURE, atol=1e-2)
-    np.testing.assert_allclose(np.gradient(q, t, axis=0)[1:-1], dq[1:-1], atol=0.02)
+    np.testing.assert_allclose(dq[0], 0.0, atol=1e-3)
+    np.testing.assert_allclose(np.gradient(q, t, axis=0)[1:-1], dq[1:-1], atol=2e-3)
     np.testing.assert_allclose(np.gradient(dq, t, axis=0)[1:-1], ddq[1:-1], atol=0.2)
+
+
+def test_a_nominal_model_is_wrong_in_its_masses_and_knows_no_friction() -> None:
+    known, arm = track_controller.feedforwards(0), track_controller.true_arm()
+    q, still = track_controller.POSTURE[None], np.zeros((1, 7))
+    moving = np.full((1, 7), 0.5)
+    true = arm.torque(q, still, still)
+    np.testing.assert_allclose(known[track_controller.KDL](q, still, still), true, atol=1e-9)
+    off = np.abs(known[track_controller.NOMINAL](q, still, still) - true)
+    assert 0.3 < off.max() < 10.0
+    rubbing = known[track_controller.INFORMED](q, moving, still)
+    rubbing -= known[track_controller.NOMINAL](q, moving, still)
+    sign = np.tanh(0.5 / track_controller.SIGN_WIDTH)
+    np.testing.assert_allclose(rubbing, track_controller.FRICTION * (0.5 + sign), atol=1e-9)
 
 
 def test_unknown_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['panda']) == 2
     assert ', '.join(available()) in capsys.readouterr().err
-
-
-def test_queries_leave_nothing_in_memory(tmp_path: Path) -> None:
-    model, figures = tmp_path / 'model.npz', tmp_path / 'figures.json'
-    small_model().save(model)
-    arguments = ['--model', str(model), '--calls', '3000', '--json', str(figures)]
-    # in a process of its own: threads that other tests have left take memory as well
-    command = [sys.executable, '-m', 'benchmarks', 'query_million', *arguments]
-    subprocess.run(command, check=True, cwd=ROOT)
-    first, *others = json.loads(figures.read_text())
-    assert first['calls'] == 3000
-    assert first['blocks'] <= ALLOWED_BLOCKS  # one a call would be 3000
-    assert all(0 < row['median'] <= row['p99'] <= row['longest'] for row in (first, *others))
-
-
-def test_long_recordings_hold_the_motion_that_is_measured(tmp_path: Path) -> None:
-    long_recording.write(tmp_path / 'bag', 12_345)
-    samples = read_bag(tmp_path / 'bag')
-    expected = long_recording.motion(np.arange(12_345) / long_recording.RATE_HZ)
-    for name, values in zip(('position', 'velocity', 'effort'), expected, strict=True):
-        np.testing.assert_array_equal(getattr(samples, name), values)
-
-
-def test_peak_memory_is_that_of_the_process(tmp_path: Path) -> None:
-    ballast = np.ones(150_000_000)  # 1.2 GB, which are not those of the process
-    row = long_recording.measured(['inspect', '--help'], str(tmp_path))
-    assert ballast.all()
-    assert row['code'] == 0
-    assert 5.0 < row['peak_mb'] < 1000.0

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from simulation.panda_runs import runs
 
+from benchmarks._changed_arms import JointFriction
 from benchmarks.baselines import method
 from lip_id_ros.evaluation import metrics
 from lip_id_ros.kernels import JointBasis
 from lip_id_ros.progress import silent
 from lip_id_ros.settings import FitSettings
-from lip_id_ros.simulation import JointFriction, panda
+from lip_id_ros.simulation import panda
 
 torch = pytest.importorskip('torch')
 pytest.importorskip('pinocchio')

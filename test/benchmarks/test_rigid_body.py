@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from simulation.panda_runs import runs
 
+from benchmarks._changed_arms import JointFriction
 from benchmarks.baselines import method
 from benchmarks.baselines.rigid_body import RigidBody
 from lip_id_ros.errors import DataError
@@ -16,7 +17,6 @@ from lip_id_ros.evaluation import metrics
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.progress import silent
 from lip_id_ros.settings import FitSettings
-from lip_id_ros.simulation import JointFriction
 from lip_id_ros.simulation.arm import panda_urdf
 
 pytest.importorskip('pinocchio')

@@ -33,8 +33,7 @@ from examples.demo.served import (
     TORQUE,
 )
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.demo.nodes import measured_message, motion, reference_message
-from lip_id_ros.demo.settings import RobotSettings
+from lip_id_ros.demo.nodes import measured_message, motion, reference_message, RobotSettings
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import score
 from lip_id_ros.model import Prediction

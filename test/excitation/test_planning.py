@@ -14,7 +14,7 @@ from rosbags.highlevel import AnyReader
 import yaml
 
 import lip_id_ros as lip
-from lip_id_ros.excitation.motion_tables import extreme_lines, motion_lines, motion_table
+from lip_id_ros.excitation.motion_tables import motion_lines, motion_table
 from lip_id_ros.excitation.report import motion_figure
 from lip_id_ros.excitation.trajectory_file import is_motion, TOPIC, Trajectory, writer_for
 from lip_id_ros.recording.bag_writer import JointStateTrack, JointTrajectoryTrack, write_mcap
@@ -57,7 +57,7 @@ def test_how_far_and_how_fast_it_goes_is_said(found: lip.ExcitingMotion) -> None
     assert distance == pytest.approx(far, abs=2e-3)
     fastest = np.abs(dq).max(axis=0)
     unit = ('rad/s', 'rad/s', 'm/s')[int(fastest.argmax())]
-    (line, note) = extreme_lines(found)
+    line, note = found.sentences
     assert f'Lowest point: c, {lowest:.2f} m above the base plane. Farthest point: c, ' in line
     name = found.joint_names[int(fastest.argmax())]
     assert f'Fastest joint: {name}, {fastest.max():.3g} {unit}.' in line
@@ -105,7 +105,7 @@ def test_joints_without_a_urdf_need_names_and_limits() -> None:
     found = lip.design_motion(replace(QUICK, motion=named))
     assert found.joint_names == ('a', 'b')
     assert found.extremes is None
-    assert extreme_lines(found)[1] == (
+    assert found.sentences[1] == (
         'Nobody has checked the floor and self-collision: no URDF says where the links are.'
     )
 

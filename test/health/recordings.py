@@ -25,8 +25,8 @@ def sound(
 ) -> JointSamples:
     """Return a recording with the noise of a good driver; `reach` shrinks the motion."""
     pytest.importorskip('pinocchio', reason='needs pinocchio')
-    from benchmarks._closed_loop import FrictionalArm
-    from lip_id_ros.simulation import JointFriction, panda, SinusoidTrajectory
+    from benchmarks._changed_arms import FrictionalArm, JointFriction
+    from lip_id_ros.simulation import panda, SinusoidTrajectory
     from lip_id_ros.simulation.arm import MOTION
 
     rng = np.random.default_rng(seed)

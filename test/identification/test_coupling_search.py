@@ -1,4 +1,4 @@
-"""Couplings of positions: found where they are, and not where they are not."""
+"""Couplings of positions: given ones, and such that are found where they are and nowhere else."""
 
 from __future__ import annotations
 
@@ -10,6 +10,11 @@ import numpy as np
 import pytest
 
 from lip_id_ros.dataset import Dataset
+from lip_id_ros.errors import ConfigError
+from lip_id_ros.friction.drives import Drive, DriveTerm
+from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
+from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.friction.terms import LoadViscous
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch, find_placements
 from lip_id_ros.identification.coupling_search import (
@@ -20,9 +25,10 @@ from lip_id_ros.identification.coupling_search import (
 )
 from lip_id_ros.identification.fitting import fit
 from lip_id_ros.identification.folds import recurrent_folds
+from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.placement_search import calibration_at
 from lip_id_ros.progress import silent
-from lip_id_ros.rigid_body.couplings import Coupling, couplings_of, rows_of
+from lip_id_ros.rigid_body.couplings import Coupling, coupling_texts, couplings_of, rows_of
 from lip_id_ros.settings import FitSettings
 
 TYPES = (R, R, R, R)
@@ -105,3 +111,76 @@ def test_default_fits_search_and_others_do_not() -> None:
     assert couplings == [(PARALLELOGRAM,), ()]
     coupled, serial = (np.square(each.predict(*motion).tau - tau).mean() for each in models)
     assert coupled < 1e-4 * np.square(tau).mean() < serial
+
+
+PARALLEL, GEARED = Coupling(2, 1, -1.0), Coupling(1, 2, 0.5)
+LITTLE = 1e-3
+
+
+def known_arm(*couplings: Coupling, seed: int = 6) -> ChainArm:
+    arm = random_arm((R, R, R), seed)
+    return replace(arm, chain=arm.chain._replace(couplings=rows_of(couplings)))
+
+
+def known_samples(arm: ChainArm, count: int = 200) -> Dataset:
+    motion = arm.motion(count, seed=0)
+    tau = arm.torque(*motion)
+    return dataset_of(arm, motion, tau + noise_of(tau, LITTLE))
+
+
+@pytest.mark.parametrize('couplings', [(PARALLEL,), (GEARED,), (GEARED, Coupling(2, 0, -1.0))])
+def test_linearised_torques_are_those_of_the_arm(couplings: tuple[Coupling, ...]) -> None:
+    """No column that a torque depends on is left out, with a load on a coupled joint too."""
+    arm = known_arm(*couplings)
+    data = known_samples(arm, 20)
+    terms = (
+        *plain_friction(3, np.full(3, 0.1)).terms,
+        DriveTerm(Drive.transmitted(2, 1), LoadViscous()),
+    )
+    basis = FrictionBasis(3, terms, 0.0)
+    friction = FrictionModel(basis, np.linspace(0.1, 1.0, basis.size))
+    noise = TorqueNoise(np.ones(3), np.ones(3), np.ones(3))
+    names = data.joint_names
+    around = Linearisation(names, arm.chain, arm.parameters, friction, noise)
+    features, target = around.rows(data)
+    parameters = np.zeros(around.size)
+    parameters[: basis.size] = friction.coefficients
+    parameters[-arm.parameters.size :] = arm.parameters.ravel()
+    found = np.stack(
+        [
+            target[:, j] - rows @ parameters[np.concatenate(own)]
+            for j, (rows, own) in enumerate(zip(features, around.columns, strict=True))
+        ],
+        axis=1,
+    )
+    np.testing.assert_allclose(found, around.residual(data), atol=1e-9)
+
+
+@pytest.mark.slow
+def test_unseen_torques_and_their_deviations() -> None:
+    arm = known_arm(GEARED)
+    data = known_samples(arm)
+    texts = tuple(coupling_texts(arm.chain, data.joint_names))
+    model = fit(data, FitSettings(coupling=texts))
+    assert model.arm is not None
+    np.testing.assert_array_equal(model.arm.chain.couplings, arm.chain.couplings)
+    motion = arm.motion(300, seed=1)
+    tau = arm.torque(*motion)
+    found = model.predict(*motion, return_std=True)
+    np.testing.assert_allclose(found.tau, tau, atol=3e-3 * np.abs(tau).max())
+    assert found.std is not None
+    covered = np.abs(found.tau - tau) < 3.0 * found.std.tau
+    assert covered.mean() > 0.95
+    in_series = replace(model.arm, chain=model.arm.chain._replace(couplings=rows_of(())))
+    assert np.abs(in_series.torque(*motion) - tau).max() > 0.1 * np.abs(tau).max()
+    inertia = model.inertia_matrix(motion[0])
+    np.testing.assert_allclose(inertia, arm.inertia(motion[0]), atol=0.02 * np.abs(inertia).max())
+
+
+def test_couplings_of_other_models() -> None:
+    data = known_samples(known_arm(PARALLEL))
+    texts = tuple(coupling_texts(known_arm(PARALLEL).chain, data.joint_names))
+    with pytest.raises(ConfigError, match=r'fit\.coupling is of the links of an articulated fit'):
+        fit(data, FitSettings(kernel='recursive', coupling=texts))
+    with pytest.raises(ConfigError, match="the recording has no joint 'elbow'"):
+        fit(data, FitSettings(coupling=('elbow 1 joint_1',)))

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from simulation.panda_runs import runs
 
-from benchmarks._closed_loop import FrictionalArm
+from benchmarks._changed_arms import FrictionalArm, JointFriction
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.robot import RobotDescription
@@ -35,7 +35,7 @@ from lip_id_ros.rigid_body.denavit_hartenberg import (
 from lip_id_ros.rigid_body.pseudo_inertia import link_parameters, scale_of
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 from lip_id_ros.settings import FitSettings
-from lip_id_ros.simulation import JointFriction, make_dataset, panda, SinusoidTrajectory
+from lip_id_ros.simulation import make_dataset, panda, SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION, panda_urdf
 
 pytest.importorskip('pinocchio')

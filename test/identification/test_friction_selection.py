@@ -289,13 +289,6 @@ def test_a_prismatic_joint_has_no_turns() -> None:
     assert resolved_harmonics(sliding, JOINT).size == 0
 
 
-@pytest.mark.parametrize('features', [np.zeros((500, 0)), np.ones((500, 3))])
-def test_features_that_depend_on_each_other(features: Array) -> None:
-    q = sweep(2.0, 500)
-    rows = np.column_stack([features, np.ones_like(q)])
-    assert strongest_harmonic(q, np.sin(20.0 * q), rows, np.arange(FIRST, 40)) == 20
-
-
 class Known:
     """Left-out errors of what is taken, and of every candidate beside it."""
 

@@ -117,8 +117,3 @@ def test_bounded_least_squares(seed: int, size: int) -> None:
         lower = np.where(mask, 0.0, -np.inf)
         expected = lsq_linear(matrix, right, (lower, np.inf), tol=1e-14, method='bvls').x
         np.testing.assert_allclose(found, expected, atol=1e-8)
-
-
-def test_bounded_least_squares_of_what_is_there_twice() -> None:
-    found = bounded_solutions(np.ones((2, 2)), np.array([1.0, 1.0]), np.array([True, False]))
-    np.testing.assert_allclose(found.sum(), 1.0, rtol=1e-6)

@@ -81,7 +81,7 @@ SAMPLES = 400
 
 def fitted() -> tuple[ArmFitter, ArmFit]:
     """Return a fit to a simulated arm with two gas springs, from where its joints are."""
-    data = springs.simulated('gas', 0, 0)
+    data = springs.simulated('gas')
     tau = data.tau.copy()
     tau[:, 2] += data.tau[:, 2].std() * springs.spring('gas', 1, data.q[:, 2])
     fitter = ArmFitter(remembering(replace(data, tau=tau)))

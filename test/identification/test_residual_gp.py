@@ -66,18 +66,6 @@ def test_noise_has_no_process() -> None:
         assert selected(noise, 10.0 * noise + motion()[0]) is None
 
 
-@pytest.mark.slow
-def test_noise_that_is_correlated_in_time_rarely_has_a_process() -> None:
-    """A likelihood would take it for signal."""
-    joints = 0
-    for seed in range(5):
-        noise = np.random.default_rng(seed).standard_normal((N + 8, 2))
-        smooth = np.stack([np.convolve(x, np.ones(9), 'valid') for x in noise.T], axis=1)
-        found = selected(smooth, 10.0 * smooth + motion()[0])
-        joints += 0 if found is None else int(found.joints.sum())
-    assert joints <= 1
-
-
 def test_a_function_of_the_state_is_learned_beside_the_links() -> None:
     q, dq, ddq = motion()
     rng = np.random.default_rng(0)

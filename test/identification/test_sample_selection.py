@@ -63,14 +63,6 @@ def test_of_a_long_rest_a_few_samples_are_kept() -> None:
     assert 750 <= without_long_rests(many).size <= 800
 
 
-@pytest.mark.slow
-def test_a_fit_does_not_suffer_from_a_long_rest() -> None:
-    dataset = recorded()
-    model = fit(resting(dataset, [0], [8000], 0.5))
-    error = np.mean((model.predict(dataset.q, dataset.dq, dataset.ddq).tau - dataset.tau) ** 2)
-    assert error < 1e-3 * dataset.tau.var()
-
-
 def test_large_residuals_are_left_out() -> None:
     residual = np.random.default_rng(0).standard_normal((400, 2))
     residual[33, 0] = -20.0

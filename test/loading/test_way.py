@@ -107,7 +107,8 @@ BOUNDS = {
 def write(path: Path, count: int) -> None:
     """Write joint states at 1 kHz, whose numbers are put into the bytes of one message."""
     marks = [np.full(len(NAMES), value) for value in (1.5, 2.5, 3.5)]
-    content = state_bytes(State(0, *(mark.tolist() for mark in marks), NAMES))
+    q, dq, tau = (mark.tolist() for mark in marks)
+    content = state_bytes(State(0, q, dq, tau, NAMES))
     message, joint = bytearray(content), np.arange(len(NAMES))
     places = [content.index(mark.tobytes()) for mark in marks]
     with RawBag(path, {'/joint_states': JOINT_STATE}) as bag:

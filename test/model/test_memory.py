@@ -86,15 +86,6 @@ def test_single_states_have_the_friction_of_an_unknown_past(model: InverseDynami
     assert known[0] < 1e-3 * STRENGTH
 
 
-def test_a_stream_has_the_torques_of_its_motion(model: InverseDynamicsModel) -> None:
-    t, states = motion(model)
-    memory = model.running_memory()
-    assert memory is not None
-    rows = zip(t.tolist(), np.stack(states, axis=1), strict=True)
-    found = np.array([memory.torque(state, now) for now, state in rows])
-    np.testing.assert_allclose(found, remembered(model, states, t), atol=1e-9)
-
-
 def test_an_array_that_is_used_again_spoils_no_memory(model: InverseDynamicsModel) -> None:
     t, states = motion(model)
     memory, expected = model.running_memory(), remembered(model, states, t)

@@ -20,7 +20,7 @@ import sys
 import threading
 from typing import Any, IO
 
-NODES = ('adapt', 'computed_torque', 'excite', 'monitor', 'serve', 'set_payload', 'train')
+NODES = ('adapt', 'excite', 'monitor', 'serve', 'train')
 PRELOADED = (*(f'lip_id_ros.nodes.{name}' for name in NODES), 'examples.demo.launching')
 
 

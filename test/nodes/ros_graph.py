@@ -34,7 +34,6 @@ from lip_id_ros.nodes import messages, qos, running
 ROOT = Path(__file__).resolve().parents[2]
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
 BECOME = 'import os, sys; os.execv(sys.argv[1], sys.argv[1:])'
-SIMULATED = ('simulated_panda', 'simulated_arm', 'reference')
 
 FORK_SERVER = ForkServer()
 STARTED: set[str] = set()
@@ -283,8 +282,8 @@ class Graph:
 
     def start_with(self, module: str, arguments: list[str]) -> Process:
         arguments = ['--ros-args', *arguments]
-        if module in SIMULATED:
-            code = f'from lip_id_ros.demo.nodes import {module}; exit({module}())'
+        if module == 'simulated_panda':
+            code = 'from lip_id_ros.demo.nodes import simulated_panda; exit(simulated_panda())'
             return self.start_program(module, ['-c', code, *arguments])
         name = f'lip_id_ros.nodes.{module}'
         if module not in STARTED:

@@ -13,7 +13,6 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('pinocchio', reason='needs the URDF of the demo (the extra sim)')
 
 from lifecycle_msgs.msg import Transition
-from nodes.test_computed_torque import SETTINGS
 from nodes.test_serve import point, REFERENCE, start_serve, TORQUE, trajectory
 import numpy as np
 from sensor_msgs.msg import JointState
@@ -21,7 +20,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.nodes import messages, qos
+from lip_id_ros.nodes import qos
 from lip_id_ros.simulation.arm import panda_urdf
 
 if TYPE_CHECKING:
@@ -153,61 +152,3 @@ def test_the_parameter_is_a_description_too(ros: Ros, panda_path: str) -> None:
     torques = client.listen(JointState, TORQUE)
     client.status('serve', lambda status: status['state'] == 'active')
     assert answer(client, torques) == LIMITS
-
-
-def control(**changes: Any) -> dict[str, Any]:
-    return {
-        **SETTINGS,
-        'joints': list(JOINTS),
-        'torque_limits': 'robot_description',
-        'rate_limits': [1e9],
-        **changes,
-    }
-
-
-def test_computed_torque_waits_for_the_topic_before_it_starts(ros: Ros) -> None:
-    graph, client = ros
-    process = graph.start('computed_torque', **control())
-    descriptions = client.node.create_publisher(String, TOPIC, qos.LATCHED)
-    client.wait_until(descriptions.get_subscription_count, 'the node')
-    descriptions.publish(described())
-    torques = client.listen(JointState, '/computed_torque/command')
-    plans = client.speak(JointTrajectory, '/computed_torque/joint_trajectory')
-    states = client.speak(JointState, '/joint_states')
-    still = {'q': [0.0, 0.0], 'dq': [0.0, 0.0], 'ddq': [0.0, 0.0]}
-    plan = trajectory(JOINTS, point(**still), point(**still))
-    plan.points[1].time_from_start.sec = 1000
-    for each in plan.points:
-        each.effort = [1e3, -1e3]
-    plans.publish(plan)
-    client.status('computed_torque', lambda status: status['plans'] == 1)
-    rest, number = np.zeros(2), 0
-
-    def limited() -> bool:
-        nonlocal number
-        number += 1
-        stamp = messages.stamp_at(1_800_000_000_000_000_000 + number * 1_000_000)
-        states.publish(messages.joint_state_message(stamp, JOINTS, rest, rest, rest))
-        return bool(torques) and list(np.abs(torques[-1].effort)) == LIMITS
-
-    client.wait_until(limited, 'torques at the limits of the URDF')
-    assert 'torque_limits of /robot_description: panda_joint5 12, panda_joint2 87' in process.log
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ('text', 'sentence'),
-    [
-        ('', 'but none has come; start robot_state_publisher, or give numbers.'),
-        (described(_87='0').data, "joint 'panda_joint2' in the parameter robot_description was"),
-    ],
-    ids=['missing', 'zero'],
-)
-def test_computed_torque_does_not_start_without_limits_of_the_urdf(
-    ros: Ros, text: str, sentence: str
-) -> None:
-    graph, _ = ros
-    process = graph.start('computed_torque', **control(robot_description=text))
-    assert process.wait() == 1
-    assert sentence in process.log
-    assert 'Traceback' not in process.log

@@ -117,31 +117,11 @@ def test_wrong_requests_are_answered_and_serve_lives(ros: Ros, model_path: str) 
     assert 'refused transition no such: in state active there are only deactivate,' in serve.log
 
 
-@pytest.mark.parametrize(
-    'node',
-    [
-        'train',
-        'monitor',
-        'adapt',
-        'computed_torque',
-        'simulated_panda',
-        'simulated_arm',
-        'reference',
-    ],
-)
+@pytest.mark.parametrize('node', ['train', 'monitor', 'adapt', 'simulated_panda'])
 def test_an_absurd_parameter_ends_no_node(ros: Ros, model_path: str, node: str) -> None:
     graph, client = ros
-    parameters: dict[str, dict[str, Any]] = {
-        'monitor': {'model_path': model_path},
-        'adapt': {'model_path': model_path},
-        'computed_torque': {
-            'joints': list(toy.JOINTS),
-            'stiffness': [1.0, 1.0],
-            'damping': [1.0, 1.0],
-            'torque_limits': 'none',
-        },
-    }
-    process = graph.start(node, **parameters.get(node, {}))
+    parameters = {'model_path': model_path} if node in ('monitor', 'adapt') else {}
+    process = graph.start(node, **parameters)
     client.status(node, lambda status: status['faults'] == 0)
     set_absurd_parameter(client, node)
     client.status(node, lambda status: status['faults'] == 1)
@@ -411,20 +391,17 @@ def test_every_message_to_any_node_is_used_or_refused(ros: Ros, model_path: str)
     start_serve(graph, model_path=model_path, **limits)
     graph.start('train', record_on_start=True, max_rows=150)
     graph.start('monitor', model_path=model_path)
-    graph.start('computed_torque', stiffness=[1.0, 1.0], damping=[1.0, 1.0], **limits)
     torques = client.listen(JointState, TORQUE)
     references = client.speak(JointTrajectory, REFERENCE)
-    plans = client.speak(JointTrajectory, '/computed_torque/joint_trajectory')
-    states = client.speak(JointState, '/joint_states', listeners=4)
+    states = client.speak(JointState, '/joint_states', listeners=3)
     client.status('serve', lambda status: status['state'] == 'active')
     rng = np.random.default_rng(5)
     for number, state in zip(range(600), hostile_states(rng, toy.JOINTS), strict=False):
         states.publish(state)
-        for publisher in (references, plans):
-            publisher.publish(hostile_trajectory(rng, number, toy.JOINTS))
+        references.publish(hostile_trajectory(rng, number, toy.JOINTS))
         time.sleep(0.003)  # joint states are best effort: a loaded machine loses some
     client.status('serve', lambda status: status['received']['references'] == 600)
-    for node in ('serve', 'train', 'monitor', 'computed_torque'):
+    for node in ('serve', 'train', 'monitor'):
 
         def complete(status: dict[str, Any], node: str = node) -> bool:
             received, accounted = counts(node, status)

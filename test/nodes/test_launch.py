@@ -295,9 +295,7 @@ def test_an_arm_is_watched(ros: Ros, model_path: str) -> None:
         assert status['state'] == 'not calibrated'
 
 
-@pytest.mark.parametrize(
-    'name', ['adapt', 'arm', 'demo', 'excite', 'monitor', 'serve', 'track', 'train']
-)
+@pytest.mark.parametrize('name', ['adapt', 'arm', 'demo', 'excite', 'monitor', 'serve', 'train'])
 def test_every_launch_file_takes_the_usual_arguments(name: str) -> None:
     path = get_package_share_path('lip_id_ros') / 'launch' / f'{name}.launch.py'
     source = AnyLaunchDescriptionSource(str(path))

@@ -1,14 +1,12 @@
-"""Real bags, replayed into real nodes."""
+"""Real bags, published into real nodes."""
 
 from __future__ import annotations
 
 from pathlib import Path
-import subprocess
-import sys
+import time
 from typing import TYPE_CHECKING
 
 import pytest
-from waiting import run_to_end
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
@@ -18,11 +16,12 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.identification import fit
 from lip_id_ros.loading import load_dataset
+from lip_id_ros.nodes import messages, qos
 from lip_id_ros.recording import Bag, read_bag
 from lip_id_ros.settings import Config, FitSettings, PreprocessingSettings, RecordingSettings
 
 if TYPE_CHECKING:
-    from nodes.ros_graph import Graph, Ros
+    from nodes.ros_graph import Ros
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -35,19 +34,6 @@ UR10_JOINTS = (
     'wrist_2_joint',
     'wrist_3_joint',
 )
-
-
-def replay(graph: Graph, bag: Path, *arguments: str) -> None:
-    command = [sys.executable, '-m', 'lip_id_ros.nodes.replay', str(bag), *arguments]
-    run_to_end(command, graph.folder, env=graph.environment).check_returncode()
-
-
-def test_a_folder_without_a_bag_gives_one_line(ros: Ros, tmp_path: Path) -> None:
-    with pytest.raises(subprocess.CalledProcessError) as failed:
-        replay(ros[0], tmp_path / 'absent')
-    assert failed.value.returncode == 1
-    assert 'No such file or directory' in failed.value.stderr
-    assert 'Traceback' not in failed.value.stderr
 
 
 @pytest.fixture(scope='module')
@@ -67,12 +53,15 @@ def test_a_ur10_is_served_its_own_plan(ros: Ros, shared_data: Path, ur10_model: 
     graph.start('serve', model_path=ur10_model, torque_limits=[330.0] * 2 + [150.0] + [56.0] * 3)
     plans = client.listen(JointTrajectory, '/serve/trajectory_with_effort')
     client.status('serve', lambda status: status['state'] == 'active')
-    bag = shared_data / BAGS / 'ur10_validation'
-    remap = '/joint_space_trajectory:=/serve/desired_trajectory'
-    replay(graph, bag, '--ros-args', '-r', remap)
+    with Bag(shared_data / BAGS / 'ur10_validation') as bag:
+        _, planned = next(bag.messages('/joint_space_trajectory'))
+    kinds = ('positions', 'velocities', 'accelerations')
+    states = [np.array([getattr(each, kind) for each in planned.points]) for kind in kinds]
+    after = [each.time_from_start for each in planned.points]
+    t = np.array([each.sec + 1e-9 * each.nanosec for each in after])
+    plan = messages.plan_message(planned.joint_names, t, *states)
+    client.speak(JointTrajectory, '/serve/desired_trajectory').publish(plan)
     client.wait_until(lambda: plans, 'the plan')
-    with Bag(bag) as opened:
-        _, planned = next(opened.messages('/joint_space_trajectory'))
     expected = np.array([point.effort for point in planned.points])
     assert list(plans[0].joint_names) == list(planned.joint_names)
     served = np.array([point.effort for point in plans[0].points])
@@ -107,7 +96,15 @@ def test_a_panda_is_recorded_and_served(ros: Ros, shared_data: Path, tmp_path: P
     )
     train = graph.start_with('train', ['--params-file', str(path)])
     assert client.switch('/train/record', True).success
-    replay(graph, shared_data / BAGS / 'panda', '--speed', '10')
+    recorded = read_bag(shared_data / BAGS / 'panda')
+    publisher = client.speak(JointState, '/joint_states', qos.OUTPUT)
+    names = recorded.joint_names
+    for t, *values in zip(
+        recorded.t, recorded.position, recorded.velocity, recorded.effort, strict=True
+    ):
+        stamp = messages.stamp_at(round(1e9 * t))
+        publisher.publish(messages.joint_state_message(stamp, names, *values))
+        time.sleep(0.003)
     # joint states are best effort: a loaded machine may lose some of the 727
     status = client.status('train', lambda status: status['rows'] >= 700)
     assert status['rejected'] == {}
@@ -121,12 +118,11 @@ def test_a_panda_is_recorded_and_served(ros: Ros, shared_data: Path, tmp_path: P
     graph.start_with('serve', ['--params-file', str(path)])
     answers = client.listen(JointState, '/serve/feedforward_torque')
     client.status('serve', lambda status: status['state'] == 'active')
-    publisher = client.speak(JointTrajectory, '/serve/desired_trajectory')
-    recorded = read_bag(shared_data / BAGS / 'panda')
+    references = client.speak(JointTrajectory, '/serve/desired_trajectory')
     point = JointTrajectoryPoint(positions=recorded.position[400].tolist())
     point.velocities = recorded.velocity[400].tolist()
     point.accelerations = [0.0] * 7
-    publisher.publish(JointTrajectory(joint_names=list(PANDA_JOINTS), points=[point]))
+    references.publish(JointTrajectory(joint_names=list(PANDA_JOINTS), points=[point]))
     client.wait_until(lambda: answers, 'answer')
     assert tuple(answers[0].name) == PANDA_JOINTS
     served, measured = np.array(answers[0].effort), recorded.effort[400]

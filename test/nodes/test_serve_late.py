@@ -132,31 +132,3 @@ def test_references_of_several_publishers_are_told_or_refused(ros: Ros, model_pa
     first.publish(reference(3))
     client.wait_until(lambda: 3 in stamps(torques), 'answer')
     assert 2 not in stamps(torques)
-
-
-@pytest.mark.parametrize('executor', ['events', 'single_threaded'])
-def test_messages_that_the_middleware_lost_are_told(
-    ros: Ros, model_path: str, executor: str
-) -> None:
-    graph, client = ros
-    serve = start_serve(graph, model_path=model_path, executor=executor)
-    client.status('serve', lambda status: status['state'] == 'active' and status['lost'] == {})
-    publisher = client.speak(JointState, '/joint_states', qos.NEWEST)
-    message, sent = JointState(name=list(GOOD.joint_names) * 50), 1
-    publisher.publish(message)
-    client.status('serve', lambda status: status['received']['joint_states'] == 1)
-    serve.hold()
-    for _ in range(3000):  # more than any buffer below the node holds
-        publisher.publish(message)
-    serve.send(signal.SIGCONT)
-
-    def told(status: dict[str, Any]) -> bool:
-        nonlocal sent
-        publisher.publish(message)  # a gap is found with the message behind it
-        sent += 1
-        return bool(status['lost'])
-
-    status = client.status('serve', told)
-    assert set(status['lost']) == {'joint_states'}
-    assert 0 < status['lost']['joint_states'] <= 3000 + sent - status['received']['joint_states']
-    assert 'lost before they were taken: ' in status['summary']

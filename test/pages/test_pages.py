@@ -29,7 +29,6 @@ from lip_id_ros.evaluation.report.recording_report import write_recording_report
 from lip_id_ros.excitation.report import write_motion_report
 from lip_id_ros.fleet.report import write_fleet_report
 from lip_id_ros.health import evidence_of, health
-from lip_id_ros.settings import FitSettings
 
 pytestmark = pytest.mark.slow
 
@@ -76,20 +75,9 @@ def motion(folder: Path) -> Path:
     return write_motion_report(folder, designed)
 
 
-def tracking(folder: Path) -> Path:
-    pytest.importorskip('pinocchio', reason='needs pinocchio (the extra sim)')
-    from benchmarks.tracking import Experiment, figures, run_experiment
-    from benchmarks.tracking.report import write_report
-    from lip_id_ros.simulation.torque_controlled import panda_setup
-
-    experiment = Experiment(horizon=2.0, fit=FitSettings(subset=20, iterations=3))
-    trial = run_experiment(panda_setup(2), experiment, 1)
-    return write_report(folder, experiment, trial, figures([trial]))
-
-
 @pytest.mark.parametrize(
     ('write', 'count'),
-    [(evaluation, 6), (recording, 2), (tracking, 8), (motion, 1)],
+    [(evaluation, 6), (recording, 2), (motion, 1)],
 )
 def test_every_figure_is_shown_without_a_network(
     tmp_path: Path, write: Callable[[Path], Path], count: int

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks._closed_loop import FrictionalArm
+from benchmarks._changed_arms import FrictionalArm, JointFriction
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.simulation import make_dataset, panda, SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION
-from lip_id_ros.simulation.torque_controlled import JointFriction
 
 
 def runs(

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.errors import DataError, ShapeError
-from lip_id_ros.simulation import (
-    GrowingCosine,
-    MotionLimits,
-    SinusoidTrajectory,
-    StoppedTrajectory,
-)
+from lip_id_ros.simulation import MotionLimits, SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION
 
 
@@ -77,35 +72,3 @@ def test_limits_of_different_lengths() -> None:
 def test_limits_without_room() -> None:
     with pytest.raises(DataError, match='leave joint 2 no room'):
         MotionLimits(np.zeros(2), np.array([1.0, 0.0]), np.ones(2), np.ones(2))
-
-
-def test_a_stopped_motion_is_followed_and_ends_at_rest_without_a_jump() -> None:
-    motion = StoppedTrajectory(random(1), 3.0, 0.5)
-    t = np.linspace(0.0, 5.0, 5001)
-    q, dq, ddq = motion.sample(t)
-    before = t <= 3.0
-    for found, followed in zip((q, dq, ddq), random(1).sample(t[before]), strict=True):
-        np.testing.assert_allclose(found[before], followed, rtol=0.0, atol=1e-12)
-    assert not dq[t > 3.501].any()
-    for values, slope in ((q, dq), (dq, ddq)):
-        mean = 0.5 * (slope[1:] + slope[:-1]) * 1e-3
-        np.testing.assert_allclose(np.diff(values, axis=0), mean, atol=2e-4)
-
-
-CENTRE = np.array([0.3, -1.0])
-
-
-def test_reference_is_the_papers() -> None:
-    reference = GrowingCosine(CENTRE, 0.5, 10.0)
-    q, _, _ = reference.sample(np.array([0.0, 3.0, 9.5]))
-    np.testing.assert_allclose(q[0], CENTRE)
-    np.testing.assert_allclose(q[1], CENTRE - 0.05 * 3.0)
-    np.testing.assert_allclose(q[2], CENTRE + 0.05 * 9.5 * np.cos(9.5 * np.pi), atol=1e-12)
-
-
-def test_the_growing_cosine_has_its_derivatives() -> None:
-    reference, step = GrowingCosine(CENTRE, 0.6, 10.0), 1e-6
-    t = np.linspace(0.1, 9.9, 30)
-    before, at, after = (reference.sample(t + shift) for shift in (-step, 0.0, step))
-    np.testing.assert_allclose((after[0] - before[0]) / (2 * step), at[1], atol=1e-8)
-    np.testing.assert_allclose((after[1] - before[1]) / (2 * step), at[2], atol=1e-8)

@@ -1,1 +1,0 @@
-"""Computed torque: the efforts of a plan, and PD feedback."""
