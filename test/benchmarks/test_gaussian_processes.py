@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from simulation.panda_runs import runs
 
-from benchmarks._changed_arms import JointFriction
+from benchmarks._arms import JointFriction
 from benchmarks.baselines import method
 from lip_id_ros.evaluation import metrics
 from lip_id_ros.kernels import JointBasis
