@@ -110,9 +110,6 @@ PARTS |= {
     'nodes': INNER - {'simulation'} | {'acquisition'},
     'cli': INNER,
     'demo': {'dataset', 'nodes', 'recording', 'settings', 'signals', 'simulation'},
-    'parameter_page': {
-        *('acquisition', 'adaptation', 'excitation', 'feedforward', 'monitoring', 'settings'),
-    },
 }
 
 ROS = ('nodes', 'demo')
@@ -138,7 +135,7 @@ FOREIGN = {
         'fleet/stored_files',
     ),
     'coal': ('excitation/shapes',),
-    'pinocchio': ('simulation', 'export/check', 'excitation/shapes'),
+    'pinocchio': ('simulation', 'excitation/shapes'),
     'mujoco': ('export/mjcf',),
     'example_robot_data': ('simulation',),
     'matplotlib': ('adaptation/report', 'evaluation/report', 'excitation/report'),
