@@ -9,7 +9,7 @@ import pytest
 from simulation.panda_runs import runs
 from torch_later import Later, NEEDS_TORCH, torch
 
-from benchmarks._changed_arms import JointFriction
+from benchmarks._arms import JointFriction
 from benchmarks.baselines import method
 from lip_id_ros.evaluation import metrics
 from lip_id_ros.kernels import JointBasis

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from simulation.panda_runs import runs
 
-from benchmarks._changed_arms import JointFriction
+from benchmarks._arms import JointFriction
 from lip_id_ros.cli import main
 from lip_id_ros.export.arm import describe
 from lip_id_ros.export.c_header import to_c_header
