@@ -96,7 +96,7 @@ PARTS = {
     },
     'signals': {'model', 'recording'},
     'monitoring': {'adaptation', 'model', 'recording', 'settings', 'signals'},
-    'feedforward': {'adaptation', 'model', 'recording', 'settings', 'signals'},
+    'feedforward': {'adaptation', 'friction', 'model', 'recording', 'settings', 'signals'},
     'simulation': {'dataset', 'evaluation', 'recording', 'rigid_body'},
 }
 # These may import every part above; nobody imports them, but for the exceptions named here.
