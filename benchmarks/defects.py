@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import butter, lfilter
 
-from benchmarks._changed_arms import (
+from benchmarks._arms import (
     FrictionalArm,
     JointFriction,
     with_gravity,

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import psutil
 
-from benchmarks._changed_arms import FrictionalArm, JointFriction, with_wrong_masses
+from benchmarks._arms import FrictionalArm, JointFriction, with_wrong_masses
 from benchmarks._panda import half_ranges
 from lip_id_ros.arrays import Array
 from lip_id_ros.fleet.cache import FolderCache

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import BPoly
 
+from benchmarks._arms import JointFriction, with_wrong_masses
 from benchmarks._cells import measured, show
-from benchmarks._changed_arms import JointFriction, with_wrong_masses
 from benchmarks.serve_rate import MIDDLEWARES
 from lip_id_ros.arrays import Array
 from lip_id_ros.description.urdf import load_description

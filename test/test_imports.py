@@ -24,7 +24,6 @@ BASE = {
     'errors',
     'escaping',
     'files',
-    'joint_history',
     'joint_types',
     'numba_jit',
     'packable',
@@ -38,12 +37,10 @@ PARTS = {
     'checked_file': set(),
     'csv_table': set(),
     'files': set(),
-    'joint_history': set(),
     'joint_types': set(),
     'numba_jit': set(),
     'packable': set(),
-    '__main__': {'cli'},
-    'programs': set(),
+    '__main__': set(),
     'processes': set(),
     'progress': set(),
     'linear_algebra': set(),
@@ -99,7 +96,7 @@ PARTS = {
     },
     'signals': {'model', 'recording'},
     'monitoring': {'adaptation', 'model', 'recording', 'settings', 'signals'},
-    'feedforward': {'adaptation', 'model', 'recording', 'settings', 'signals'},
+    'feedforward': {'adaptation', 'friction', 'model', 'recording', 'settings', 'signals'},
     'simulation': {'dataset', 'evaluation', 'recording', 'rigid_body'},
 }
 # These may import every part above; nobody imports them, but for the exceptions named here.
@@ -110,9 +107,6 @@ PARTS |= {
     'nodes': INNER - {'simulation'} | {'acquisition'},
     'cli': INNER,
     'demo': {'dataset', 'nodes', 'recording', 'settings', 'signals', 'simulation'},
-    'parameter_page': {
-        *('acquisition', 'adaptation', 'excitation', 'feedforward', 'monitoring', 'settings'),
-    },
 }
 
 ROS = ('nodes', 'demo')
@@ -138,7 +132,7 @@ FOREIGN = {
         'fleet/stored_files',
     ),
     'coal': ('excitation/shapes',),
-    'pinocchio': ('simulation', 'export/check', 'excitation/shapes'),
+    'pinocchio': ('simulation', 'excitation/shapes'),
     'mujoco': ('export/mjcf',),
     'example_robot_data': ('simulation',),
     'matplotlib': ('adaptation/report', 'evaluation/report', 'excitation/report'),

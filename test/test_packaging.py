@@ -28,6 +28,7 @@ ROSDEP = {
 }
 WITHOUT_KEY = {
     'backports': 'rosbags',  # which brings zstd
+    'coal': 'pin',  # which brings it
     'compression': 'rosbags',  # the same, from Python 3.14
     'example_robot_data': 'example-robot-data',
     'fsspec': 'fsspec',

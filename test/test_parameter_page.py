@@ -7,12 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from lip_id_ros import parameter_page
 from lip_id_ros.acquisition.settings import fit_values, own_values, train_parameters, TrainSettings
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.feedforward.settings import require_changeable, ServeSettings
-from lip_id_ros.parameter_page import node_parameters
 from lip_id_ros.settings import Config, flatten, override, parameters_of
+from scripts import parameter_page
 
 PAGE = Path(__file__).resolve().parents[1] / 'docs' / 'reference' / 'parameters.md'
 
@@ -26,7 +25,7 @@ def test_the_page_is_current(capsys: pytest.CaptureFixture[str]) -> None:
 def test_every_parameter_has_one_line() -> None:
     lines = parameter_page.page().splitlines()
     names = [line.split('`')[1] for line in lines if line.startswith('| `')]
-    assert names == [name for table in node_parameters().values() for name in table]
+    assert names == [name for table in parameter_page.node_parameters().values() for name in table]
     assert (
         '| `recording.effort_offset` | double array | `[]` | >= -1e+09 and <= 1e+09 | N m or N | '
         'at the next fit or data set | Added to the scaled effort, per joint; empty for 0. |'

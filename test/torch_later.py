@@ -25,13 +25,17 @@ def needs_torch(test: Callable[..., None]) -> Callable[..., None]:
     return test
 
 
-class _Later:
-    """Its attributes are those of the module; `LazyLoader` would load it where scipy looks."""
+class Later:
+    """A module that needs torch; `LazyLoader` would load it where scipy looks."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith('_') or 'pytest' in name:  # pytest looks at what a test module holds
             raise AttributeError(name)
-        return getattr(importlib.import_module('torch'), name)
+        return getattr(importlib.import_module(self._name), name)
 
 
-torch: Any = _Later()
+Tensor = Any
+torch: Any = Later('torch')

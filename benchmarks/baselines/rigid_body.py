@@ -12,8 +12,8 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.identification.arm_prior import link_prior_std
 from lip_id_ros.identification.friction_selection import select_friction
-from lip_id_ros.identification.link_torques import link_prior_std
 from lip_id_ros.model import TorquePrediction
 from lip_id_ros.progress import Progress
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS

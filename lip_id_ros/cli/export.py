@@ -17,16 +17,12 @@ if TYPE_CHECKING:
 HELP = 'write an identified arm as URDF, MJCF, C or a package in C++'
 EPILOG = """\
 example:
-  lip_id export arm.npz --urdf arm.urdf --mjcf arm.xml --c arm_dynamics.h --check
+  lip_id export arm.npz --urdf arm.urdf --mjcf arm.xml --c arm_dynamics.h
   lip_id export arm.npz --solver-package my_ws/src/arm_solver     a plugin of
                                                                   inverse_dynamics_solver
   lip_id export arm.npz --urdf fitted.urdf --template arm.urdf    the URDF that the fit started
                                                                   from, with what was fitted
 """
-STATES = 1000
-ORIGINS = 'add --origins, or fit with fit.description_angle_deg: 0'
-AGREED = 1e-9
-"""Largest difference of torques, over the largest torque, that --check accepts."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,11 +51,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--name', help='name of the arm in the files (default: that of the model file)'
     )
-    parser.add_argument(
-        '--check',
-        action='store_true',
-        help='compare torques of pinocchio, MuJoCo and a C compiler from the files with the model',
-    )
     arguments.add_force(parser)
 
 
@@ -70,7 +61,7 @@ def _is_exported(path: Path) -> bool:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Write the files, and compare them where that is asked for."""
+    """Write the files, all or none."""
     from lip_id_ros.cli import output
     from lip_id_ros.evaluation import fit_cautions
     from lip_id_ros.evaluation.tables import show_lines
@@ -99,38 +90,25 @@ def run(args: argparse.Namespace) -> None:
     exported = describe(model, name)
     console = output.console()
     residual_gp = exported.residual_gp
-    of_what = 'the model' if residual_gp is None else 'the links and friction in the file'
     template = _template(args, model)
     files = {
         name: formatted(name, exported, template if name == 'urdf' else None) for name in targets
     }
     header = None if args.solver_package is None else formatted(HEADER, exported)
     package = {} if header is None else solver_package(exported.arm, header.text)
-    agreements = {}
     for format_name, file in files.items():
         file.save(targets[format_name])
         show_lines([f'Written: {targets[format_name]}'], console)
-        if args.check:
-            agreement = file.check(model, STATES)
-            show_lines([agreement.sentence(of_what)], console)
-            agreements[format_name] = agreement
         lines += file.left_out
     if header is not None:
         save(package, args.solver_package)
         show_lines([f'Written: {args.solver_package}'], console)
-        if args.check and HEADER not in agreements:
-            agreements[HEADER] = header.check(model, STATES)
-            show_lines([agreements[HEADER].sentence(of_what)], console)
     if residual_gp is not None:
         lines.append(f'Left out: {residual_gp}. Torques of the files are less accurate there.')
     if template is not None:
         arm = files['urdf'].exported.arm
         lines += template_remarks(arm, template.description, args.origins)
     show_lines(lines, console)
-    kept = template is not None and not args.origins
-    for format_name, agreement in agreements.items():
-        remedy = {'remedy': ORIGINS} if kept and format_name == 'urdf' else {}
-        agreement.require(AGREED, **remedy)
 
 
 def _targets(args: argparse.Namespace, names: Iterable[str]) -> dict[str, str]:

@@ -46,13 +46,6 @@ class JointRanges:
     ddq_max: Array
     tau_max: Array
 
-    def random_states(self, count: int, rng: np.random.Generator) -> Array:
-        """Draw q, dq, ddq evenly from the ranges, shape (3, count, n)."""
-        shape = (count, len(self.q_min))
-        q = rng.uniform(self.q_min, self.q_max, shape)
-        rates = [limit * rng.uniform(-1.0, 1.0, shape) for limit in (self.dq_max, self.ddq_max)]
-        return np.stack([q, *rates])
-
 
 @dataclass(frozen=True, eq=False)
 class ArmDescription:

@@ -1,4 +1,4 @@
-"""The formats that an arm can be exported in: how each is written and checked."""
+"""The formats that an arm can be exported in."""
 
 from __future__ import annotations
 
@@ -8,47 +8,35 @@ from functools import partial
 import os
 from typing import NamedTuple
 
-import numpy as np
-
-from lip_id_ros.arrays import Array
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.errors import ModelError
 from lip_id_ros.export import mjcf, urdf
 from lip_id_ros.export.arm import ArmDescription, Exported
 from lip_id_ros.export.c_header import to_c_header
-from lip_id_ros.export.check import (
-    Agreement,
-    check_c_header,
-    check_mjcf,
-    check_template,
-    check_urdf,
-)
 from lip_id_ros.export.mjcf import to_mjcf
 from lip_id_ros.export.text import left_out_remark, split_friction
 from lip_id_ros.export.urdf import to_urdf
 from lip_id_ros.export.urdf_template import noted_template
 from lip_id_ros.files import write_whole
-from lip_id_ros.model import DynamicsModel
 from lip_id_ros.rigid_body.couplings import coupling_texts
 
 
 class Format(NamedTuple):
     """
-    A format of other programs: writes an arm, and evaluates what was written.
+    A format of other programs.
 
     `friction`: names of the terms of friction that it can express; None for all.
     """
 
     text: Callable[[ArmDescription], str]
-    check: Callable[[str, ArmDescription, Array, Array], Agreement]
     friction: Collection[str] | None
 
 
 HEADER, URDF = 'c', 'urdf'
 FORMATS = {
-    URDF: Format(to_urdf, check_urdf, urdf.FRICTION),
-    'mjcf': Format(to_mjcf, check_mjcf, mjcf.FRICTION),
-    HEADER: Format(to_c_header, check_c_header, None),
+    URDF: Format(to_urdf, urdf.FRICTION),
+    'mjcf': Format(to_mjcf, mjcf.FRICTION),
+    HEADER: Format(to_c_header, None),
 }
 
 
@@ -74,18 +62,6 @@ class Formatted:
         terms = split_friction(arm, self.form.friction).left_out.basis.terms
         return left_out_remark(arm, terms, self.name)
 
-    def check(self, model: DynamicsModel, count: int) -> Agreement:
-        """
-        Compare what others read with the model, at random states in the range of the recordings.
-
-        Where the model has more than links and friction, their own torques are compared.
-        """
-        arm = self.exported.arm
-        states = arm.ranges.random_states(count, np.random.default_rng(0))
-        whole = self.exported.residual_gp is None
-        tau = model.predict(*states).tau if whole else arm.torque(*states)
-        return self.form.check(self.text, arm, tau, states)
-
 
 @dataclass(frozen=True)
 class Template:
@@ -99,7 +75,6 @@ class Template:
         """The format that it is."""
         return Format(
             partial(noted_template, description=self.description, origins=self.origins),
-            check_template,
             urdf.FRICTION,
         )
 

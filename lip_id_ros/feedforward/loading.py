@@ -16,10 +16,10 @@ from lip_id_ros.errors import ConfigError, LipIdError, ModelError
 from lip_id_ros.feedforward.deviations import Deviations
 from lip_id_ros.feedforward.settings import make_rules, require_consistent, ServeSettings
 from lip_id_ros.files import require_regular_file
+from lip_id_ros.friction.dahl_friction import RunningMemory
 from lip_id_ros.model import DynamicsModel, EffortCalibration, InverseDynamicsModel, Query
 from lip_id_ros.model.known_states import KnownStates
 from lip_id_ros.model.proof import missing_proof
-from lip_id_ros.model.running_memory import RunningMemory
 from lip_id_ros.model.serialization import contradictions
 from lip_id_ros.signals.joints import require_joints
 

@@ -24,10 +24,10 @@ from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFitter, Described
+from lip_id_ros.identification.arm_prior import links_torque
 from lip_id_ros.identification.fitting import description_report, fit_report, known_couplings
 from lip_id_ros.identification.identify import Identified, identify
 from lip_id_ros.identification.linearisation import Linearisation
-from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.residual_gp_selection import ResidualProcess
 from lip_id_ros.identification.sample_selection import plausible
 from lip_id_ros.identification.simple_geometry import Geometry

@@ -14,7 +14,12 @@ from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_coordinates import coefficient_std
-from lip_id_ros.identification.arm_prior import ArmPrior, DescriptionSettings
+from lip_id_ros.identification.arm_prior import (
+    ArmPrior,
+    DescriptionSettings,
+    link_prior_std,
+    links_torque,
+)
 from lip_id_ros.identification.arm_problem import ArmProblem, ArmState
 from lip_id_ros.identification.friction_selection import (
     EVERY_TERM,
@@ -25,10 +30,6 @@ from lip_id_ros.identification.friction_selection import (
 from lip_id_ros.identification.kinematic_calibration import (
     PlacementProblem,
     Samples,
-)
-from lip_id_ros.identification.link_torques import (
-    link_prior_std,
-    links_torque,
 )
 from lip_id_ros.identification.placement_search import least_noise, LENGTH, torque_size
 from lip_id_ros.identification.sample_selection import covering, evenly

@@ -8,15 +8,18 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.identification.kinematic_calibration import REACH
-from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
+from lip_id_ros.identification.placement_search import LENGTH
+from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS, STANDARD_GRAVITY
 from lip_id_ros.rigid_body.pseudo_inertia import (
     link_parameter_jacobian,
     link_parameters,
     LinkScale,
     pseudo_inertia,
 )
+from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS
 
 LINK_PRIOR = 0.3
@@ -133,3 +136,17 @@ def _described_factors(links: Array, usual: LinkScale) -> tuple[Array, BoolArray
     known = (links[:, 0] >= LEAST_MASS) & (np.linalg.eigvalsh(spread)[:, 0] >= LEAST_SIZE**2)
     own = usual.factors[0] @ usual.factors[0].T
     return np.linalg.cholesky(np.where(known[:, None, None], pseudo, own)), known
+
+
+def link_prior_std(dataset: Dataset) -> Array:
+    """Return deviations of link parameters, (n, 11), that make torques of the measured size."""
+    acceleration = STANDARD_GRAVITY + LENGTH * np.sqrt(np.mean(dataset.ddq**2))
+    mass = np.sqrt(np.mean(dataset.tau**2)) / (LENGTH * acceleration)
+    link = [mass, *[mass * LENGTH] * 3, *[mass * LENGTH**2] * 7]
+    return np.tile(link, (dataset.n_joints, 1))
+
+
+def links_torque(chain: Chain, links: Array, dataset: Dataset) -> Array:
+    """Return the torques of the links, shape (N, n) [N m or N]."""
+    state = (np.ascontiguousarray(x) for x in (dataset.q, dataset.dq, dataset.ddq))
+    return np.asarray(torque_regressor(chain, *state) @ links.ravel())

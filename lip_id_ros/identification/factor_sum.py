@@ -10,6 +10,7 @@ Columns that the others explain to rounding have no part in it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -17,7 +18,10 @@ import numpy as np
 from scipy.linalg import blas, lapack, solve_triangular
 
 from lip_id_ros.arrays import Array, IndexArray
-from lip_id_ros.identification.statistics import triangular
+from lip_id_ros.dataset import Dataset
+from lip_id_ros.identification.joint_rows import JointRows
+from lip_id_ros.identification.linearisation import Linearisation, Samples
+from lip_id_ros.identification.statistics import TorqueStatistics, triangular
 
 FIRST = 1000
 """Rows that are added by orthogonal transformations before there is a metric."""
@@ -148,3 +152,49 @@ class FactorSum:
     def _root(self) -> Array:
         """Return the factor of all rows in the metric, (b, b)."""
         return np.asarray(lapack.dpotrf(self._gram, clean=1)[0])
+
+
+CHUNK = 400
+"""Samples whose features are in memory at one time."""
+
+
+class Gathering:
+    """Statistics that grow by samples, whose features are in memory together."""
+
+    def __init__(self, around: Linearisation) -> None:
+        self._around = around
+        self._columns = [np.concatenate(own) for own in around.columns]
+        self._sums = [FactorSum(column.size + 1) for column in self._columns]
+        self._count = 0
+
+    def add(self, samples: Samples) -> None:
+        """Add samples."""
+        parts, target = self._around.parts(samples)
+        root = np.sqrt(self._around.noise.weights(samples.dq))
+        for joint, (column, of_joint) in enumerate(zip(self._columns, self._sums, strict=True)):
+            of_joint.add(JointRows(parts, joint, column, target, root), len(target))
+        self._count += len(target)
+
+    def statistics(self) -> TorqueStatistics:
+        """Return the statistics of all samples."""
+        factors = tuple(each.factor() for each in self._sums)
+        counts = np.full(len(factors), float(self._count))
+        return TorqueStatistics(tuple(self._columns), factors, counts)
+
+
+def statistics_of(dataset: Dataset, rows: IndexArray, around: Linearisation) -> TorqueStatistics:
+    """Return the statistics of some samples of a data set."""
+    gathered = Gathering(around)
+    for chunk in _chunks(rows):
+        gathered.add(Samples.of(dataset, chunk))
+    return gathered.statistics()
+
+
+def _chunks(rows: IndexArray) -> Iterator[IndexArray]:
+    """Yield rows that are in memory together: first some of the whole recording."""
+    count = -(-rows.size // CHUNK)
+    if count > 2:
+        yield rows[::count]
+        rows = rows[np.arange(rows.size) % count != 0]
+    if count:
+        yield from np.array_split(rows, -(-rows.size // CHUNK))

@@ -13,6 +13,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.dahl_friction import DahlFriction
 from lip_id_ros.friction.noise import estimate_noise, sticking_noise, TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, Described, MOST_SAMPLES
+from lip_id_ros.identification.arm_prior import links_torque
 from lip_id_ros.identification.arm_search import ArmSearch, find_placements
 from lip_id_ros.identification.coupling_search import find_couplings
 from lip_id_ros.identification.description_doubts import DescriptionDoubts, doubts
@@ -26,7 +27,6 @@ from lip_id_ros.identification.friction_selection import EVERY_TERM, Offer
 from lip_id_ros.identification.geometry_selection import select_geometry
 from lip_id_ros.identification.lag_selection import with_lags
 from lip_id_ros.identification.lever_steps import with_lever_steps
-from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.placement_search import Calibration, in_near_frames
 from lip_id_ros.identification.posterior import known_of, posterior, table_deviations
 from lip_id_ros.identification.residual_gp_selection import select_residual_gp

@@ -18,9 +18,9 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_coordinates import friction_numbers
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_AT_ONCE
+from lip_id_ros.identification.arm_prior import links_torque
 from lip_id_ros.identification.arm_problem import ArmState
 from lip_id_ros.identification.linearisation import Linearisation
-from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.solution import (
     coordinates_of,

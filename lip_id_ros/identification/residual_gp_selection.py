@@ -18,9 +18,9 @@ from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.compiled import FrictionFeatures
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
+from lip_id_ros.identification.arm_prior import links_torque
 from lip_id_ros.identification.arm_problem import ArmProblem
 from lip_id_ros.identification.folds import motion_s, recurrent_folds
-from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.process_parameters import likeliest, sparse_weights
 from lip_id_ros.identification.sample_selection import evenly
 from lip_id_ros.linear_algebra import normal_solution

@@ -23,7 +23,7 @@ from lip_id_ros.friction.dahl import (
     Steps,
     unknown_share,
 )
-from lip_id_ros.friction.dahl_friction import DahlFriction
+from lip_id_ros.friction.dahl_friction import DahlFriction, RunningMemory
 from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.kernels import TorquePosterior
 from lip_id_ros.model import serialization
@@ -35,7 +35,6 @@ from lip_id_ros.model.known_states import KnownStates
 from lip_id_ros.model.process_mean import ProcessMean
 from lip_id_ros.model.residual_gp import ResidualGP
 from lip_id_ros.model.residual_gp_deviation import ResidualGPDeviation
-from lip_id_ros.model.running_memory import RunningMemory
 from lip_id_ros.model.torque_model import Parts, Prediction, Query, StandardDeviation
 
 VERSION, READ = 8, (7, 8)

@@ -19,8 +19,7 @@ from std_srvs.srv import Trigger
 from lip_id_ros.acquisition.job import Jobs, Task
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError, LipIdError
-from lip_id_ros.excitation.measured import Measured
-from lip_id_ros.excitation.rounds import MotionRequest, MotionWatch, NextMotion, numbered
+from lip_id_ros.excitation.rounds import Measured, MotionRequest, MotionWatch, NextMotion, numbered
 from lip_id_ros.excitation.settings import RoundSettings
 from lip_id_ros.excitation.trajectory_file import writer_for
 from lip_id_ros.nodes import qos, running

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from simulation.panda_runs import runs
+from torch_later import needs_torch
 
 from benchmarks.baselines import method, MODELS
 from lip_id_ros.errors import ConfigError
@@ -23,10 +24,10 @@ def test_kinematics_are_asked_for(name: str) -> None:
         method(name)
 
 
+@needs_torch
 @pytest.mark.slow
 @pytest.mark.parametrize('name', [name for name in MODELS if name != 'delan'])
 def test_every_model_answers(name: str) -> None:
-    pytest.importorskip('torch')
     pytest.importorskip('pinocchio')
     data, unseen = runs(2, 40)
     settings = FitSettings(subset=20, iterations=2)

@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from simulation.panda_runs import runs
+from torch_later import Later, NEEDS_TORCH, Tensor, torch
 
 from lip_id_ros.evaluation import metrics
 from lip_id_ros.progress import silent
 from lip_id_ros.settings import FitSettings
 
-pytest.importorskip('torch')
-
-import torch
-
 pytest.importorskip('pinocchio')
 
-from benchmarks.baselines.delan import Delan, DelanNetwork
+pytestmark = [*NEEDS_TORCH, pytest.mark.slow]
 
-pytestmark = pytest.mark.slow
+delan: Any = Later('benchmarks.baselines.delan')
 
 
-def network() -> DelanNetwork:
+def network() -> Any:
     torch.manual_seed(1)
-    return DelanNetwork(np.array([False, True, False]), width=16, depth=2)
+    return delan.DelanNetwork(np.array([False, True, False]), width=16, depth=2)
 
 
-def motion(n: int) -> list[torch.Tensor]:
+def motion(n: int) -> list[Tensor]:
     generator = torch.Generator().manual_seed(2)
     return [torch.randn(n, 3, dtype=torch.float64, generator=generator) for _ in range(3)]
 
@@ -49,7 +48,7 @@ def test_power_is_the_rate_of_the_energy() -> None:
     net, (q, dq, ddq) = network(), motion(5)
     step = 1e-5
 
-    def energy(s: float) -> torch.Tensor:
+    def energy(s: float) -> Tensor:
         at = q + s * dq + 0.5 * s**2 * ddq
         return (net.kinetic(at, dq + s * ddq) + net.potential(at)).detach()
 
@@ -61,7 +60,7 @@ def test_power_is_the_rate_of_the_energy() -> None:
 def test_it_learns_and_the_seed_decides() -> None:
     data, unseen = runs(2, 150)
     few, many, again = (
-        Delan(steps)
+        delan.Delan(steps)
         .fit(data, FitSettings(seed=3), silent)
         .predict(unseen.q, unseen.dq, unseen.ddq)
         for steps in (20, 400, 20)
@@ -78,5 +77,5 @@ def test_training_leaves_the_random_numbers_of_others_alone() -> None:
     torch.manual_seed(5)
     expected = torch.rand(3)
     torch.manual_seed(5)
-    Delan(1).fit(data, FitSettings(), silent)
+    delan.Delan(1).fit(data, FitSettings(), silent)
     np.testing.assert_array_equal(torch.rand(3), expected)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from simulation.panda_runs import runs
 
-from benchmarks._changed_arms import JointFriction
+from benchmarks._arms import JointFriction
 from benchmarks.baselines import method
 from benchmarks.baselines.rigid_body import RigidBody
 from lip_id_ros.errors import DataError

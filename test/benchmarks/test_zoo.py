@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks import zoo
-from benchmarks._changed_arms import with_gravity
+from benchmarks._arms import with_gravity
 from benchmarks._results import Row
 from benchmarks._zoo import (
     load_arm,

@@ -10,13 +10,13 @@ import shutil
 import subprocess
 
 from export.arms import arm_of, COUPLED, random_arm
+from export.readers import compile_c, states_of
 import numpy as np
 import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.c_header import identifier, to_c_header
-from lip_id_ros.export.check import compile_c
 from lip_id_ros.rigid_body.regressor import (
     kinetic_regressor,
     potential_regressor,
@@ -82,7 +82,7 @@ def test_every_function(name: str, tmp_path: Path) -> None:
     arm = arm_of(name)
     compiled, n = Compiled(arm, tmp_path), arm.n_joints
     p = arm.links.ravel()
-    states = arm.ranges.random_states(20, np.random.default_rng(2))
+    states = states_of(arm, 20)
     zero = np.zeros((1, n))
     for q, dq, ddq in states.transpose(1, 0, 2):
         one = q[None], dq[None], ddq[None]

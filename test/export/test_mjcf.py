@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from export.arms import arm_of, COUPLED, random_arm
+from export.readers import states_of
 import numpy as np
 import pytest
 
@@ -37,7 +38,7 @@ def test_energies_are_those_of_the_arm() -> None:
     model.jnt_stiffness[:] = 0.0
     model.dof_armature[:] = arm.links[:, ROTOR]
     data = mujoco.MjData(model)
-    q, dq, _ = arm.ranges.random_states(20, np.random.default_rng(0))
+    q, dq, _ = states_of(arm, 20)
     energies = []
     for data.qpos[:], data.qvel[:] in zip(q, dq, strict=True):
         mujoco.mj_forward(model, data)
@@ -57,7 +58,7 @@ def test_tendons_of_coupled_positions() -> None:
     model = compiled(text)
     assert [model.tendon(k).name for k in range(2)] == ['joint_3_drive', 'joint_4_drive']
     data = mujoco.MjData(model)
-    q = arm.ranges.random_states(1, np.random.default_rng(0))[0, 0]
+    q = states_of(arm, 1)[0, 0]
     data.qpos[:] = coupling_matrix(arm.chain) @ q
     mujoco.mj_forward(model, data)
     np.testing.assert_allclose(data.ten_length, q[2:], atol=1e-12)

@@ -8,6 +8,7 @@ import subprocess
 import xml.etree.ElementTree as ET
 
 from export.arms import arm_of, panda, random_arm
+from export.readers import states_of
 import numpy as np
 import pytest
 from ros_libraries import built
@@ -66,7 +67,7 @@ def test_kdl_gives_the_torques_of_the_links(name: str, tmp_path: Path) -> None:
     arm = arm_of(name)
     tip = f'{arm.joint_names[-1]}_link'
     solver = Solver(to_urdf(arm), tmp_path, 'base_link', tip, arm.chain.gravity)
-    states = arm.ranges.random_states(1000, np.random.default_rng(1))
+    states = states_of(arm, 1000)
     expected = torque_regressor(arm.chain, *states) @ arm.links.ravel()
     expected -= arm.links[:, ROTOR] * states[2]
     difference = np.abs(solver.torque(states) - expected).max(axis=0)
@@ -90,7 +91,7 @@ def test_gravity_with_the_example_of_a_solver(tmp_path: Path) -> None:
     text = to_urdf(arm)
     links = [link.get('name') for link in ET.fromstring(text).findall('link')]
     assert [root, tip] == [links[0], links[-1]]
-    states = arm.ranges.random_states(20, np.random.default_rng(3))
+    states = states_of(arm, 20)
     states[1:] = 0.0
     expected = torque_regressor(arm.chain, *states) @ arm.links.ravel()
     model = pinocchio.buildModelFromXML(text)

@@ -10,6 +10,7 @@ import subprocess
 import xml.etree.ElementTree as ET
 
 from export.arms import arm_of, COUPLED, model_of, random_arm
+from export.readers import states_of
 import numpy as np
 import pytest
 
@@ -148,7 +149,7 @@ def test_the_plugin_gives_what_the_model_does(kinds: str, tmp_path: Path) -> Non
     ran = subprocess.run(command, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stderr
     plugin, model = Plugin(library), model_of(arm)
-    states = arm.ranges.random_states(20, np.random.default_rng(0))
+    states = states_of(arm, 20)
     predicted = model.predict(*states)
     scale = np.abs(predicted.tau).max()
     links, zeros = predicted.tau - predicted.friction, np.zeros_like(predicted.tau)

@@ -9,6 +9,7 @@ import subprocess
 import xml.etree.ElementTree as ET
 
 from export.arms import model_of, panda, random_arm
+from export.readers import states_of
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -119,7 +120,7 @@ def test_mujoco_reads_it(kinds: str) -> None:
     model.dof_armature[:] = arm.links[:, ROTOR]
     data = mujoco.MjData(model)
     viscous = arm.friction.coefficients[: 3 * len(kinds) : 3]
-    for q, dq, ddq in arm.ranges.random_states(20, np.random.default_rng(0)).transpose(1, 0, 2):
+    for q, dq, ddq in states_of(arm, 20).transpose(1, 0, 2):
         data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
         mujoco.mj_inverse(model, data)
         regressor = torque_regressor(arm.chain, q[None], dq[None], ddq[None])[0]

@@ -25,7 +25,7 @@ def sound(
 ) -> JointSamples:
     """Return a recording with the noise of a good driver; `reach` shrinks the motion."""
     pytest.importorskip('pinocchio', reason='needs pinocchio')
-    from benchmarks._changed_arms import FrictionalArm, JointFriction
+    from benchmarks._arms import FrictionalArm, JointFriction
     from lip_id_ros.simulation import panda, SinusoidTrajectory
     from lip_id_ros.simulation.arm import MOTION
 

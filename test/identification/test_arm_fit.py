@@ -20,9 +20,9 @@ from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.terms import Coulomb, LoadCoulomb
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
+from lip_id_ros.identification.arm_prior import links_torque
 from lip_id_ros.identification.arm_search import ArmSearch
 from lip_id_ros.identification.identify import Identified, identify
-from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.posterior import (
     around_fit,
     jackknife_root,

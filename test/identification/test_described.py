@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from simulation.panda_runs import runs
 
-from benchmarks._changed_arms import FrictionalArm, JointFriction
+from benchmarks._arms import FrictionalArm, JointFriction
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.robot import RobotDescription

@@ -14,8 +14,8 @@ from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.friction.terms import LoadCoulomb
-from lip_id_ros.identification import gathering
-from lip_id_ros.identification.gathering import Gathering, statistics_of
+from lip_id_ros.identification import factor_sum
+from lip_id_ros.identification.factor_sum import Gathering, statistics_of
 from lip_id_ros.identification.joint_rows import JointRows
 from lip_id_ros.identification.linearisation import Linearisation, Samples
 from lip_id_ros.identification.statistics import TorqueStatistics
@@ -78,7 +78,7 @@ def test_chunks_are_few_rows_and_the_first_is_of_the_whole_recording(
     data, around = around_of()
     statistics_of(data, np.arange(COUNT), around)
     sizes = [len(each.q) for each in chunks]
-    assert max(sizes) <= gathering.CHUNK
+    assert max(sizes) <= factor_sum.CHUNK
     assert sum(sizes) == COUNT
     places = np.flatnonzero(np.isin(data.q[:, 0], chunks[0].q[:, 0]))
     assert places[0] < 10

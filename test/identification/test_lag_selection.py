@@ -13,8 +13,8 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.terms import Lag
 from lip_id_ros.identification import lag_selection
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, ROUND
+from lip_id_ros.identification.arm_prior import links_torque
 from lip_id_ros.identification.lag_selection import with_lags
-from lip_id_ros.identification.link_torques import links_torque
 from lip_id_ros.identification.sample_selection import remembering
 from lip_id_ros.rigid_body.chain import ROTOR
 

@@ -64,7 +64,9 @@ def test_it_publishes_the_frames_of_the_arm(ros: Ros, tmp_path: Path) -> None:
     client.wait_until(lambda: descriptions, 'the description')
     assert descriptions[0].data == text
     links = ['base_link', *(f'{name}_link' for name in arm.joint_names)]
-    for count, q in enumerate(arm.ranges.random_states(3, np.random.default_rng(0))[0], 1):
+    ends = arm.ranges.q_min, arm.ranges.q_max
+    drawn = np.random.default_rng(0).uniform(*ends, (3, len(ends[0])))
+    for count, q in enumerate(drawn, 1):
         state = JointState(name=arm.joint_names, position=q.tolist())
         state.header.stamp = Time(sec=count)
         states.publish(state)

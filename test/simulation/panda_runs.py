@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks._changed_arms import FrictionalArm, JointFriction
+from benchmarks._arms import FrictionalArm, JointFriction
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.simulation import make_dataset, panda, SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION

@@ -1,7 +1,7 @@
 """
 Write docs/reference/parameters.md from the tables that declare the nodes' parameters.
 
-``python -m lip_id_ros.parameter_page > docs/reference/parameters.md`` writes it; a test holds it.
+``python scripts/parameter_page.py > docs/reference/parameters.md`` writes it; a test holds it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from lip_id_ros.monitoring.monitor import MonitorSettings
 from lip_id_ros.settings import parameters_of, Row
 from lip_id_ros.settings.settings import AT_ONCE
 
-COMMAND = 'python -m lip_id_ros.parameter_page > docs/reference/parameters.md'
+COMMAND = 'python scripts/parameter_page.py > docs/reference/parameters.md'
 
 INTRODUCTION = f"""\
 # Parameters of the nodes
