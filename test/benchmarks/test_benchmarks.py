@@ -15,9 +15,7 @@ import pytest
 from ros_domain import free_domain
 
 from benchmarks import (
-    c_against_pinocchio,
     deviations,
-    long_recording,
     panda_monte_carlo,
     real_arms,
     track_controller,
@@ -25,7 +23,6 @@ from benchmarks import (
 from benchmarks.__main__ import available, main
 from benchmarks._results import Results, Row
 from benchmarks.query import ALLOWED_BLOCKS
-from lip_id_ros.recording import read_bag
 
 pytestmark = pytest.mark.slow
 
@@ -112,29 +109,6 @@ def test_a_page_has_the_result_of_every_benchmark() -> None:
     assert sorted(set(available()) - named) == []
 
 
-def test_reading_is_measured_in_processes_of_its_own(tmp_path: Path) -> None:
-    figures = tmp_path / 'figures.json'
-    arguments = ['--messages', '300', '--camera-mb', '1', '--json', str(figures)]
-    assert main(['read_bags', *arguments]) == 0
-    rows = json.loads(figures.read_text())
-    assert [row['messages'] for row in rows] == [300] * 3
-
-
-def test_the_header_against_pinocchio(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The exit status is not 0 where the torques differ; without Eigen it says so."""
-    figures = tmp_path / 'figures.json'
-    flags = f'-O0 {c_against_pinocchio.FROM_LIBRARY}'
-    arguments = ['--blocks', '1', '--flags', flags, '--json', str(figures)]
-    status = main(['c_against_pinocchio', *arguments])
-    if not any(folder.is_dir() for folder in c_against_pinocchio.EIGEN):
-        assert status == 2
-        assert 'the headers of Eigen were expected' in capsys.readouterr().err
-        return
-    assert status == 0
-    (row,) = json.loads(figures.read_text())
-    assert float(row['ratio']) > 0.0
-
-
 @pytest.mark.ros
 @pytest.mark.ros2_control
 def test_an_arm_behind_a_controller_is_learned_and_tracked(
@@ -199,19 +173,3 @@ def test_queries_leave_nothing_in_memory(tmp_path: Path) -> None:
     assert first['calls'] == 3000
     assert first['blocks'] <= ALLOWED_BLOCKS  # one a call would be 3000
     assert all(row['ratio'] > 0 and 1 <= row['p99'] <= row['p999'] for row in (first, *others))
-
-
-def test_long_recordings_hold_the_motion_that_is_measured(tmp_path: Path) -> None:
-    long_recording.write(tmp_path / 'bag', 12_345)
-    samples = read_bag(tmp_path / 'bag')
-    expected = long_recording.motion(np.arange(12_345) / long_recording.RATE_HZ)
-    for name, values in zip(('position', 'velocity', 'effort'), expected, strict=True):
-        np.testing.assert_array_equal(getattr(samples, name), values)
-
-
-def test_peak_memory_is_that_of_the_process(tmp_path: Path) -> None:
-    ballast = np.ones(150_000_000)  # 1.2 GB, which are not those of the process
-    row = long_recording.measured(['inspect', '--help'], str(tmp_path))
-    assert ballast.all()
-    assert row['code'] == 0
-    assert 5.0 < row['peak_mb'] < 1000.0
