@@ -11,7 +11,7 @@ HOME_PAGE = 'https://lip-id-ros.example'  # a placeholder until the project has 
 README = Path(__file__).resolve().parent / 'README.md'  # colcon builds beside a link
 WHEEL = {'bdist_wheel', 'dist_info', 'editable_wheel'}  # the commands that pip runs
 NODES = [
-    f'{name} = lip_id_ros.programs:{name}'
+    f'{name} = lip_id_ros.__main__:{name}'
     for name in ('train', 'excite', 'serve', 'monitor', 'adapt', 'simulated_panda')
 ]
 
@@ -22,7 +22,7 @@ def files(folder: str, pattern: str = '*') -> list[str]:
 
 def programs() -> list[str]:
     """Return lip_id, and the nodes for `ros2 run`: a wheel has none, as Ray's is called serve."""
-    program = ['lip_id = lip_id_ros.programs:lip_id']
+    program = ['lip_id = lip_id_ros.__main__:lip_id']
     if WHEEL & set(sys.argv):
         return program
     return program + NODES

@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-from lip_id_ros import programs
+from lip_id_ros import __main__ as programs
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -26,7 +26,7 @@ def test_an_interrupt_while_a_program_is_imported_leaves_no_traceback(
     )
     path = [str(tmp_path), str(ROOT), os.environ.get('PYTHONPATH', '')]
     process = subprocess.Popen(
-        [sys.executable, '-c', f'from lip_id_ros.programs import {name}; {name}()'],
+        [sys.executable, '-c', f'from lip_id_ros.__main__ import {name}; {name}()'],
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(path)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

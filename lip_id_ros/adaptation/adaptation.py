@@ -29,11 +29,10 @@ from lip_id_ros.adaptation.payloads import (
 )
 from lip_id_ros.adaptation.trust import motion, RecentErrors
 from lip_id_ros.arrays import Array, BoolArray, IntArray
-from lip_id_ros.dataset.provenance import sample_interval_s
+from lip_id_ros.dataset.formats import sample_interval_s
 from lip_id_ros.errors import DataError, ShapeError
 from lip_id_ros.friction.dahl import begins_of_times, dahl_states, LONGEST_GAP_S, Steps
-from lip_id_ros.joint_history import DISPLACEMENTS, JointHistory
-from lip_id_ros.joint_types import is_prismatic
+from lip_id_ros.joint_types import DISPLACEMENTS, is_prismatic, JointHistory
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body.pseudo_inertia import BODY
 

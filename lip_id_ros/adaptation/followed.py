@@ -22,7 +22,7 @@ from lip_id_ros.errors import ModelError
 from lip_id_ros.friction.compiled import FrictionFeatures
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.terms import FrictionTerm, Offset
-from lip_id_ros.joint_history import JointHistory, UNKNOWN
+from lip_id_ros.joint_types import JointHistory, UNKNOWN
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.residual_gp import ResidualGPMean

@@ -23,12 +23,11 @@ from lip_id_ros.dataset.checks import (
     PER_SAMPLE,
     texts,
 )
-from lip_id_ros.dataset.provenance import COPIES, cutoffs_hz
+from lip_id_ros.dataset.formats import COPIES, cutoffs_hz
 from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.errors import DataError, missing_joints, shortened
 from lip_id_ros.files import require_suffix
-from lip_id_ros.joint_history import JointHistory
-from lip_id_ros.joint_types import is_prismatic
+from lip_id_ros.joint_types import is_prismatic, JointHistory
 
 _NO_NUMBERS: IntArray = np.empty(0, np.int64)
 

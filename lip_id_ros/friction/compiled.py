@@ -31,7 +31,7 @@ from lip_id_ros.friction.primitives import (
     STEP_AT,
     VELOCITY,
 )
-from lip_id_ros.joint_history import JointHistory, UNKNOWN
+from lip_id_ros.joint_types import JointHistory, UNKNOWN
 from lip_id_ros.numba_jit import jit, jit_inlined, jit_reading
 
 

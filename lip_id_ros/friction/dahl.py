@@ -10,7 +10,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray, IntArray
 from lip_id_ros.friction.primitives import Column
 from lip_id_ros.friction.terms import DriveState, NOT_NEGATIVE, smooth_sign
-from lip_id_ros.joint_history import DISPLACEMENTS
+from lip_id_ros.joint_types import DISPLACEMENTS
 from lip_id_ros.numba_jit import jit
 
 LONGEST_GAP_S = 0.5

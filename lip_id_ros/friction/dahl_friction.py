@@ -10,7 +10,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray, IntArray
 from lip_id_ros.friction.dahl import Dahl
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.joint_history import DISPLACEMENTS
+from lip_id_ros.joint_types import DISPLACEMENTS
 from lip_id_ros.numba_jit import jit, jit_inlined
 
 

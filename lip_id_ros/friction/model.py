@@ -17,7 +17,7 @@ from lip_id_ros.friction.dahl import Dahl
 from lip_id_ros.friction.drives import Drive, DriveTerm, LARGEST, LoadTorque, SignWidth
 from lip_id_ros.friction.primitives import LOAD
 from lip_id_ros.friction.terms import Coulomb, FrictionTerm, Offset, Viscous
-from lip_id_ros.joint_history import JointHistory, UNKNOWN
+from lip_id_ros.joint_types import JointHistory, UNKNOWN
 
 LEAST_SMOOTHING = 1e-12
 

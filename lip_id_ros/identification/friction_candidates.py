@@ -28,8 +28,7 @@ from lip_id_ros.friction.terms import (
     Viscous,
 )
 from lip_id_ros.identification.left_out import LEAST_ERRORS, LEAST_GAIN
-from lip_id_ros.joint_history import DISPLACEMENTS
-from lip_id_ros.joint_types import REVOLUTE
+from lip_id_ros.joint_types import DISPLACEMENTS, REVOLUTE
 
 RISE_PERIODS = 0.194
 """

@@ -19,7 +19,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.compiled import CompiledFriction, FrictionFeatures
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
-from lip_id_ros.joint_history import JointHistory
+from lip_id_ros.joint_types import JointHistory
 from lip_id_ros.model.arm_mean import evaluate_arm_many, pack
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS

@@ -7,7 +7,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.friction.dahl import advance_dahl, LONGEST_GAP_S
 from lip_id_ros.friction.dahl_friction import add_dahl_torque, DahlFriction
-from lip_id_ros.joint_history import DISPLACEMENTS
+from lip_id_ros.joint_types import DISPLACEMENTS
 from lip_id_ros.numba_jit import jit
 
 

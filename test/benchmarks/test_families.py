@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.families import FAMILIES, FamilyArm, logs_of, remembered, row_of
 from lip_id_ros.friction.dahl import dahl_states, Steps
-from lip_id_ros.joint_history import DISPLACEMENTS
+from lip_id_ros.joint_types import DISPLACEMENTS
 
 
 @pytest.mark.parametrize('name', FAMILIES)

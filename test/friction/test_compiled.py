@@ -20,7 +20,7 @@ from lip_id_ros.friction.dahl_friction import DahlFriction
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionBasis, FrictionModel
 from lip_id_ros.friction.terms import smooth_sign
-from lip_id_ros.joint_history import DISPLACEMENTS, JointHistory
+from lip_id_ros.joint_types import DISPLACEMENTS, JointHistory
 
 
 def everything(seed: int) -> FrictionModel:

@@ -24,7 +24,7 @@ from lip_id_ros.friction.dahl import (
     unknown_share,
     unwrapped,
 )
-from lip_id_ros.joint_history import DISPLACEMENTS
+from lip_id_ros.joint_types import DISPLACEMENTS
 
 
 def path(seed: int, samples: int = 300, joints: int = 3) -> tuple[Array, Array, Array, Array]:

@@ -60,7 +60,7 @@ from lip_id_ros.identification.friction_candidates import (
     RISE_PERIODS,
 )
 from lip_id_ros.identification.sample_selection import remembering
-from lip_id_ros.joint_history import JointHistory
+from lip_id_ros.joint_types import JointHistory
 from lip_id_ros.preprocessing.smoothing import low_pass
 
 EVERY: list[FrictionTerm] = [
