@@ -1,7 +1,8 @@
 """
-The programs of the package, without a traceback where Ctrl-C comes while they are imported.
+The programs of the package: `python -m lip_id_ros` is `lip_id`.
 
-Imports take seconds. The command line or the node sets what signals do while it runs.
+Where Ctrl-C comes while they are imported, they end without a traceback:
+imports take seconds. The command line or the node sets what signals do while it runs.
 """
 
 from __future__ import annotations
@@ -30,5 +31,5 @@ adapt = partial(_run, 'nodes.adapt')
 excite = partial(_run, 'nodes.excite')
 simulated_panda = partial(_run, 'demo.nodes', 'simulated_panda')
 
-if __name__ == '__main__':  # python -m lip_id_ros
+if __name__ == '__main__':
     sys.exit(lip_id())

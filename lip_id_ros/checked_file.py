@@ -1,17 +1,19 @@
-"""Model files: npz with a JSON header, checked against a hash of both; no pickle."""
+"""Arrays with JSON, checked and without pickle: model files, and dataclasses as bytes."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass, fields
 import json
+import math
 import os
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lip_id_ros.arrays import digest
-from lip_id_ros.errors import ModelError
+from lip_id_ros.errors import DataError, ModelError
 from lip_id_ros.files import read_header, read_npz, write_npz
 
 Arrays = dict[str, NDArray[Any]]
@@ -105,3 +107,44 @@ def _check_contents(
 def _digest(arrays: Arrays, header: Mapping[str, Any]) -> str:
     rest = {key: value for key, value in header.items() if key != 'sha256'}
     return digest(arrays, json.dumps(rest, sort_keys=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Packable:
+    """A dataclass of arrays, texts and numbers that is stored as bytes, without pickle."""
+
+    KIND: ClassVar[str]
+    """Name of such results in a cache."""
+
+    def to_bytes(self) -> bytes:
+        """Return a line of JSON, then the numbers of all arrays; `from_bytes` reads it."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        arrays = {name: x for name, x in values.items() if isinstance(x, np.ndarray)}
+        texts = {name: x for name, x in values.items() if name not in arrays}
+        shapes = {name: (x.dtype.str, x.shape) for name, x in arrays.items()}
+        head = json.dumps([texts, shapes]).encode()
+        return b'\n'.join([head, b''.join(x.tobytes() for x in arrays.values())])
+
+    @classmethod
+    def from_bytes(cls, content: bytes) -> Self:
+        """Return the object that `to_bytes` gave; DataError if an entry is missing or damaged."""
+        head, _, rest = content.partition(b'\n')
+        try:
+            texts, shapes = json.loads(head)
+            values = {name: _immutable(value) for name, value in texts.items()}
+            at = 0
+            for name, (kind, shape) in shapes.items():
+                count = math.prod(shape)
+                flat = np.frombuffer(rest, kind, count, at).copy()  # aligned, not read-only
+                at += flat.nbytes
+                values[name] = flat.reshape(shape)
+            return cls(**values)
+        except (TypeError, ValueError) as error:
+            raise DataError(
+                f'a {cls.__name__} with all of its entries was expected, but the stored bytes '
+                f'are damaged ({error}); make it anew.'
+            ) from error
+
+
+def _immutable(value: Any) -> Any:
+    return tuple(map(_immutable, value)) if isinstance(value, list) else value

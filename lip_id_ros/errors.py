@@ -1,5 +1,5 @@
 """
-Errors that this package raises.
+Errors that this package raises, and texts as they are shown.
 
 Every message is one sentence that says what was expected, what came and what to do about it, so
 that the command line and the nodes can show it as it is. Errors of the file system pass through
@@ -10,8 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 import difflib
+import errno
 
 MOST_SHOWN = 100  # characters of a value in a message
+REMEDIES = {errno.ENOENT: '; correct the path.', errno.ENOSPC: '; free that disk.'}
+"""Of errors of the file system, by their numbers."""
 
 
 class LipIdError(Exception):
@@ -78,3 +81,19 @@ def missing_joints(
         f'{subject} {" ".join(", ".join(missing).split())} expected in {where}, which has '
         f'{", ".join(known) or "none"}; {remedy}'
     )
+
+
+def printable(text: str) -> str:
+    r"""Return text for a terminal or a log: control and unassigned characters as escapes."""
+    return ''.join(
+        each if each.isprintable() else each.encode('unicode_escape', 'surrogatepass').decode()
+        for each in text
+    )
+
+
+def one_line(error: Exception) -> str:
+    """Return the message of an error as one line; one of the file system names the file."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        remedy = REMEDIES.get(error.errno or 0, '')
+        return printable(f'{error.filename}: {error.strerror}{remedy}')
+    return printable(' '.join(str(error).split()))

@@ -1,4 +1,4 @@
-"""The types of joints, their units, and what is known of their past."""
+"""The two types of joints with their units, and what is known of the past of joints."""
 
 from __future__ import annotations
 

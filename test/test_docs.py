@@ -8,7 +8,7 @@ import re
 import pytest
 
 from benchmarks.__main__ import available
-from lip_id_ros import programs
+from lip_id_ros import __main__ as programs
 from lip_id_ros.cli import main
 from lip_id_ros.cli.main import VERBS as MODULES
 

@@ -10,7 +10,9 @@ from matplotlib.figure import Figure
 import pytest
 from rich.console import Console
 
-from lip_id_ros.escaping import for_page, for_plot, printable
+from lip_id_ros.errors import printable
+from lip_id_ros.evaluation.report.page import for_page
+from lip_id_ros.evaluation.report.style import for_plot
 from lip_id_ros.evaluation.tables import show, show_lines, Table
 
 HOSTILE = (

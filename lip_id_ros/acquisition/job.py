@@ -7,15 +7,20 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 import json
+import os
+from pathlib import Path
 import subprocess
 import sys
 from typing import Any, cast, TextIO
 
-from lip_id_ros.acquisition.recording_file import pass_on
+import numpy as np
+
 from lip_id_ros.errors import LipIdError
-from lip_id_ros.files import scratch_folder
-from lip_id_ros.processes import end, STOP_SECONDS
+from lip_id_ros.files import HEADER, read_npz, scratch_folder
+from lip_id_ros.progress import end, STOP_SECONDS
 from lip_id_ros.recording import JointSamples
+
+_ARRAYS = ('t', 'position', 'velocity', 'effort')
 
 SAVING = 'result saved'
 """Stage of a job in which it can no longer be cancelled."""
@@ -84,6 +89,37 @@ def advanced(state: JobState, line: str) -> JobState:
         case {'error': str(error)}:
             return replace(state, state='failed', error=error)
     return state  # a library printed something
+
+
+def pass_on(folder: str | os.PathLike[str], sections: Sequence[JointSamples]) -> None:
+    """Write samples for `receive` into an empty folder, with the interpreter free."""
+    for number, samples in enumerate(sections):
+        _write(Path(folder) / f'{number}.npz', samples)
+
+
+def _write(path: Path, samples: JointSamples) -> None:
+    header: dict[str, Any] = {
+        'joint_names': samples.joint_names,
+        'start_ns': samples.start_ns,
+        'counts': dict(samples.counts),
+        'source': samples.source,
+        'topic': samples.topic,
+    }
+    arrays: dict[str, Any] = {name: getattr(samples, name) for name in _ARRAYS}
+    with open(path, 'wb') as file:
+        np.savez(file, **{HEADER: np.array(json.dumps(header)), **arrays})
+
+
+def receive(folder: str | os.PathLike[str]) -> list[JointSamples]:
+    """Read what `pass_on` wrote."""
+    files = sorted(Path(folder).iterdir(), key=lambda path: int(path.stem))
+    return [_read(path) for path in files]
+
+
+def _read(path: Path) -> JointSamples:
+    arrays, header = read_npz(path)
+    fields: dict[str, Any] = {**arrays, **header, 'joint_names': tuple(header['joint_names'])}
+    return JointSamples(**fields)
 
 
 def _pass_on(folder: str, sections: Sequence[JointSamples]) -> None:

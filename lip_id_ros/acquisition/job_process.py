@@ -15,11 +15,9 @@ import signal
 import sys
 from typing import Any, TextIO
 
-from lip_id_ros.acquisition.job import SAVING
-from lip_id_ros.acquisition.recording_file import receive
+from lip_id_ros.acquisition.job import receive, SAVING
 from lip_id_ros.dataset import concatenate, Dataset
-from lip_id_ros.errors import DataError, LipIdError
-from lip_id_ros.escaping import one_line
+from lip_id_ros.errors import DataError, LipIdError, one_line
 from lip_id_ros.evaluation import data_remarks, matched
 from lip_id_ros.excitation.rounds import MotionRequest, next_motion
 from lip_id_ros.export.payload import inertias, require_links, to_yaml

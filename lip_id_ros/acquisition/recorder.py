@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from itertools import count
+import os
 from pathlib import Path
+import shutil
 from typing import Any
 
 import numpy as np
 
-from lip_id_ros.acquisition import recording_file
 from lip_id_ros.acquisition.sections import Sections
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.recording import JointSamples, Reason
+from lip_id_ros.recording.bag_writer import JointStateTrack, write_mcap
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.recording.timing import GAP_STEPS
 from lip_id_ros.signals.joint_states import NANOSECONDS
@@ -140,7 +144,7 @@ class Recorder(Sections):
         n_lost, reason = 0, ''
         for track in self.tracks(topic):
             try:
-                kept.append(recording_file.keep(path, track))
+                kept.append(keep(path, track))
             except OSError as error:
                 n_lost, reason = n_lost + len(track.t), error.strerror or str(error)
         if n_lost:
@@ -155,7 +159,7 @@ class Recorder(Sections):
         """Return why unsaved samples would be lost if the node ended now, empty if safe."""
         names = sum(JOINT_BYTES + len(name.encode()) for name in self.joint_names)
         needed = len(self) * (MESSAGE_BYTES + names)
-        if len(self) <= self._saved_rows or recording_file.has_room(path, needed):
+        if len(self) <= self._saved_rows or has_room(path, needed):
             return ''
         return (
             f'{len(self)} unsaved samples would be lost, the folder of {path} has no '
@@ -214,3 +218,34 @@ class Recorder(Sections):
     def _complaints(self) -> list[str]:
         most = self.counts.most_common(1)
         return [f'{self.n_rejected} messages rejected, mostly for: {most[0][0]}'] if most else []
+
+
+def keep(path: str | os.PathLike[str], track: JointStateTrack) -> Path:
+    """
+    Write messages as an MCAP bag, beside those that were kept before; return the file.
+
+    A number is added to its name if there is one already. OSError if it cannot be written.
+    """
+    target = _claimed(Path(path))
+    try:
+        write_mcap(target, [track])
+    except BaseException:
+        target.unlink(missing_ok=True)
+        raise
+    return target
+
+
+def has_room(path: str | os.PathLike[str], size: int) -> bool:
+    """Return whether the folder of a path can take so many bytes."""
+    folder = Path(path).parent
+    return os.access(folder, os.W_OK) and shutil.disk_usage(folder).free > size
+
+
+def _claimed(path: Path) -> Path:
+    """Make an empty file under the first name that is free: nobody else gets that name."""
+    for number in count():
+        candidate = path.with_stem(f'{path.stem}_{number}') if number else path
+        with suppress(FileExistsError):
+            candidate.touch(exist_ok=False)
+            return candidate
+    raise AssertionError  # names are never used up

@@ -29,7 +29,7 @@ from lip_id_ros.adaptation.payloads import (
 )
 from lip_id_ros.adaptation.trust import motion, RecentErrors
 from lip_id_ros.arrays import Array, BoolArray, IntArray
-from lip_id_ros.dataset.provenance import sample_interval_s
+from lip_id_ros.dataset.formats import sample_interval_s
 from lip_id_ros.errors import DataError, ShapeError
 from lip_id_ros.friction.dahl import begins_of_times, dahl_states, LONGEST_GAP_S, Steps
 from lip_id_ros.joint_types import DISPLACEMENTS, is_prismatic, JointHistory

@@ -14,9 +14,9 @@ import numpy as np
 
 from lip_id_ros.adaptation.replay import Replay, ReplayedRecording
 from lip_id_ros.arrays import Array
-from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.report import style
 from lip_id_ros.evaluation.report.page import Drawing, drawn, write_page
+from lip_id_ros.evaluation.report.style import for_plot
 from lip_id_ros.evaluation.tables import Table
 from lip_id_ros.joint_types import POSITION_UNITS, TORQUE_UNITS
 from lip_id_ros.progress import Progress, silent

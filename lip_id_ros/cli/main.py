@@ -22,8 +22,7 @@ from lip_id_ros.cli import (
     payload,
     predict,
 )
-from lip_id_ros.errors import LipIdError
-from lip_id_ros.escaping import one_line
+from lip_id_ros.errors import LipIdError, one_line
 
 VERBS = (
     *(demo, excite, inspect, fit, evaluate, predict, adapt, check_plan, dataset, export),

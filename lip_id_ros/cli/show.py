@@ -11,7 +11,7 @@ from rich.text import Text
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.escaping import printable
+from lip_id_ros.errors import printable
 from lip_id_ros.evaluation.recording_health import finding_lines, health_table
 from lip_id_ros.evaluation.tables import (
     error_table,

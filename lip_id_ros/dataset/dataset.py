@@ -23,7 +23,7 @@ from lip_id_ros.dataset.checks import (
     PER_SAMPLE,
     texts,
 )
-from lip_id_ros.dataset.provenance import COPIES, cutoffs_hz
+from lip_id_ros.dataset.formats import COPIES, cutoffs_hz
 from lip_id_ros.dataset.subsets import farthest_points
 from lip_id_ros.errors import DataError, missing_joints, shortened
 from lip_id_ros.files import require_suffix

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from lip_id_ros.dataset.provenance import COPIES, FINDINGS, N_NOTES, SELECTED
+from lip_id_ros.dataset.formats import COPIES, FINDINGS, N_NOTES, SELECTED
 from lip_id_ros.errors import ModelError
 from lip_id_ros.evaluation.metrics import Evaluation
 from lip_id_ros.evaluation.recording_health import finding_lines, listed

@@ -12,7 +12,7 @@ from rich.console import Console
 import rich.table
 from rich.text import Text
 
-from lip_id_ros.escaping import printable
+from lip_id_ros.errors import printable
 from lip_id_ros.joint_types import TORQUE_UNITS
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.escaping import for_plot
 from lip_id_ros.evaluation.report import style
 from lip_id_ros.evaluation.report.page import drawn, write_page
+from lip_id_ros.evaluation.report.style import for_plot
 from lip_id_ros.excitation.motion_tables import (
     learning_tables,
     motion_lines,

@@ -14,7 +14,7 @@ import textwrap
 
 import numpy as np
 
-from lip_id_ros.escaping import printable
+from lip_id_ros.errors import printable
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.text import COLUMNS, header_lines
 from lip_id_ros.friction.drives import Drive

@@ -9,8 +9,7 @@ from pathlib import Path
 import re
 from string import Template
 
-from lip_id_ros.errors import ConfigError
-from lip_id_ros.escaping import printable
+from lip_id_ros.errors import ConfigError, printable
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.files import write_whole
 

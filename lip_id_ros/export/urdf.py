@@ -75,17 +75,6 @@ def base_name(joint_names: tuple[str, ...]) -> str:
     return name
 
 
-def rotor_inertias(root: ET.Element, joint_names: tuple[str, ...]) -> Array:
-    """Return the inertias of the rotors that a URDF of this module has, shape (n,)."""
-    found = {
-        joint.get('name'): float(rotor.get('value', '0'))
-        for transmission in root.iter('transmission')
-        for joint in transmission.iter('joint')
-        for rotor in transmission.iter(f'{{{DRAKE}}}rotor_inertia')
-    }
-    return np.array([found.get(name, 0.0) for name in joint_names])
-
-
 def _link(arm: ArmDescription, i: int) -> ET.Element:
     link = ET.Element('link', {'name': link_name(arm.joint_names[i])})
     mass, centre, inertia = centre_of_mass_inertia(arm.links[i])

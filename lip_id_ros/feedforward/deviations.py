@@ -21,7 +21,7 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.processes import deadline, kill, LONGEST_START_S
+from lip_id_ros.progress import deadline, kill, LONGEST_START_S
 
 LONGEST_VALID_S = 1.0
 

@@ -16,7 +16,7 @@ from lip_id_ros.files import write_whole
 CHECKSUM_BYTES = 16
 MADE_BY = (
     *('arrays.py', 'checked_file.py', 'csv_table.py', 'files.py', 'joint_types.py'),
-    *('linear_algebra.py', 'numba_jit.py', 'packable.py'),
+    *('linear_algebra.py', 'numba_jit.py'),
     *('dataset', 'description', 'evaluation', 'export', 'fleet', 'friction', 'gp', 'health'),
     *('identification', 'kernels', 'loading', 'model', 'preprocessing', 'recording'),
     *('rigid_body', 'settings'),

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.dataset.provenance import FINDINGS, N_NOTES
+from lip_id_ros.dataset.formats import FINDINGS, N_NOTES
 from lip_id_ros.fleet.consistency import disagreement
 from lip_id_ros.fleet.placements import chosen, PlacedArm
 from lip_id_ros.fleet.results import Survey

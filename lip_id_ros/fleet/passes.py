@@ -9,10 +9,10 @@ import hashlib
 import json
 from typing import Any, Protocol, TypeVar
 
+from lip_id_ros.checked_file import Packable
 from lip_id_ros.errors import DataError
 from lip_id_ros.fleet.engines import Engine, Outcome
 from lip_id_ros.fleet.results import Refusal
-from lip_id_ros.packable import Packable
 from lip_id_ros.progress import Progress
 
 Kept = TypeVar('Kept', bound=Packable)

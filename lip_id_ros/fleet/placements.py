@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IntArray
+from lip_id_ros.checked_file import Packable
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.fleet.results import ARM, SIGNALS, Survey
 from lip_id_ros.fleet.survey import merged
@@ -32,7 +33,6 @@ from lip_id_ros.identification.residual_gp_selection import ResidualProcess
 from lip_id_ros.identification.sample_selection import plausible
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.solution import Known, Solution
-from lip_id_ros.packable import Packable
 from lip_id_ros.progress import Progress, silent
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.settings import FitSettings

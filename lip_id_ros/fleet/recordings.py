@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from lip_id_ros.checked_file import Packable
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import evaluate, Evaluation, matched
@@ -32,7 +33,6 @@ from lip_id_ros.loading.data_settings import SECTIONS, selected_config
 from lip_id_ros.loading.load import read_raw
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.proof import with_held_out
-from lip_id_ros.packable import Packable
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import AUTO, Config, flatten, override, PreprocessingSettings
 
@@ -54,7 +54,7 @@ class Recordings:
     """
 
     def __init__(
-        self, sources: Sequence[Source], config: Config, passes: Passes, holdout: float = 0.0
+        self, sources: Sequence[Source], config: Config, passes: Passes, holdout: float
     ) -> None:
         self.sources, self._given, self._passes = sources, config, passes
         self._holdout, self._shares = holdout, dict[int, float]()

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from lip_id_ros.escaping import for_page, printable
+from lip_id_ros.errors import printable
 from lip_id_ros.evaluation.cautions import fit_cautions
-from lip_id_ros.evaluation.report.page import MAKER, STYLE
+from lip_id_ros.evaluation.report.page import for_page, MAKER, STYLE
 from lip_id_ros.files import write_whole
 from lip_id_ros.fleet.results import EXCLUDED, FAILED, FITTED, FleetResult, HELD_OUT
 

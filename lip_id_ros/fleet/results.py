@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lip_id_ros.arrays import Array, IntArray
+from lip_id_ros.checked_file import Packable
 from lip_id_ros.evaluation import Evaluation
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.packable import Packable
 
 FITTED, EXCLUDED, FAILED, HELD_OUT = 'fitted', 'excluded', 'failed', 'held out'
 """

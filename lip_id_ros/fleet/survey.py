@@ -19,7 +19,7 @@ import numpy as np
 from lip_id_ros.arrays import IndexArray
 from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
-from lip_id_ros.dataset.provenance import FINDINGS
+from lip_id_ros.dataset.formats import FINDINGS
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation.cautions import data_remarks
 from lip_id_ros.fleet.results import ARM, SIGNALS, Survey

@@ -14,13 +14,13 @@ from functools import cached_property
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray, IntArray
+from lip_id_ros.checked_file import Packable
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification.factor_sum import statistics_of
 from lip_id_ros.identification.folds import recurrent_folds
 from lip_id_ros.identification.friction_deviations import NestedEffects
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.identification.statistics import TorqueStatistics, triangular
-from lip_id_ros.packable import Packable
 
 
 @dataclass(frozen=True, eq=False)

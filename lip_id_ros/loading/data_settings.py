@@ -15,7 +15,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import concatenate, Dataset
-from lip_id_ros.dataset.provenance import SELECTED
+from lip_id_ros.dataset.formats import SELECTED
 from lip_id_ros.errors import ConfigError, DataError
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.dataset.provenance import FINDINGS, N_NOTES
+from lip_id_ros.dataset.formats import FINDINGS, N_NOTES
 from lip_id_ros.health import evidence_of, examine, Severity
 from lip_id_ros.loading import load
 from lip_id_ros.loading.load import PathLike

@@ -14,7 +14,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.csv_table import CSV_SUFFIX
 from lip_id_ros.dataset import concatenate, Dataset, DATASET_SUFFIX
-from lip_id_ros.dataset.provenance import COPIES
+from lip_id_ros.dataset.formats import COPIES
 from lip_id_ros.errors import ConfigError, DataError, shortened, SourceError
 from lip_id_ros.loading.data_settings import selected_config
 from lip_id_ros.preprocessing.description import Assess

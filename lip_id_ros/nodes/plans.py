@@ -36,7 +36,7 @@ from lip_id_ros.feedforward.loading import load_model, LoadedModel, ModelFile
 from lip_id_ros.feedforward.server import ServedArm, Server
 from lip_id_ros.feedforward.settings import Overload, ServeSettings
 from lip_id_ros.nodes import messages
-from lip_id_ros.processes import deadline, kill, LONGEST_START_S
+from lip_id_ros.progress import deadline, kill, LONGEST_START_S
 from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.torque_steps import Sent
 

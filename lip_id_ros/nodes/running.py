@@ -21,8 +21,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from lip_id_ros.errors import LipIdError
-from lip_id_ros.escaping import one_line
+from lip_id_ros.errors import LipIdError, one_line
 from lip_id_ros.nodes.node import NodeBase
 
 Result = TypeVar('Result')

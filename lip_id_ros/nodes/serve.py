@@ -15,8 +15,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
-from lip_id_ros.errors import LipIdError
-from lip_id_ros.escaping import one_line
+from lip_id_ros.errors import LipIdError, one_line
 from lip_id_ros.feedforward.loading import (
     load_models,
     LoadedModel,

@@ -20,12 +20,11 @@ import pytest
 from waiting import wait_until
 
 from lip_id_ros.acquisition import job_process
-from lip_id_ros.acquisition.job import advanced, in_words, Jobs, JobState, SAVING, Task
-from lip_id_ros.acquisition.recording_file import pass_on
+from lip_id_ros.acquisition.job import advanced, in_words, Jobs, JobState, pass_on, SAVING, Task
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.files import SCRATCH
-from lip_id_ros.processes import end
+from lip_id_ros.progress import end
 from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import Config, flatten
 
@@ -187,7 +186,7 @@ def test_a_job_that_saves_already_is_not_called_cancelled(
 def test_a_job_that_saves_for_long_is_neither_cancelled_nor_killed(
     jobs: Jobs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr('lip_id_ros.processes.STOP_SECONDS', 0.2)
+    monkeypatch.setattr('lip_id_ros.progress.STOP_SECONDS', 0.2)
     monkeypatch.setattr('lip_id_ros.acquisition.job.STOP_SECONDS', 0.2)
     path = tmp_path / 'data.npz'
     os.mkfifo(path)  # a slow disk: the process waits in the middle of its result

@@ -13,9 +13,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lip_id_ros.acquisition import recording_file
-from lip_id_ros.acquisition.recorder import Gaps, Recorder
-from lip_id_ros.acquisition.recording_file import pass_on, receive
+from lip_id_ros.acquisition.job import pass_on, receive
+from lip_id_ros.acquisition.recorder import _claimed, Gaps, Recorder
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.recording import Bag, JointSamples, read_sources
 from lip_id_ros.recording.joint_messages import JointMessage
@@ -207,7 +206,7 @@ def test_what_a_full_disk_takes_is_kept_and_only_the_rest_called_lost(
     recorder = filled(5)
     for row in range(4):
         recorder.add(message(10.0 + row, [row, row]))
-    monkeypatch.setattr(recording_file, '_claimed', full_after(1))
+    monkeypatch.setattr('lip_id_ros.acquisition.recorder._claimed', full_after(1))
     with pytest.raises(LipIdError) as raised:
         recorder.keep_unsaved(str(tmp_path / 'unsaved.mcap'), 't')
     path = tmp_path / 'unsaved.mcap'
@@ -222,7 +221,7 @@ def test_what_a_full_disk_takes_is_kept_and_only_the_rest_called_lost(
 
 def full_after(n_files: int) -> Callable[[Path], Path]:
     """Return what finds names for so many files, then a full disk."""
-    find, left = recording_file._claimed, iter(range(n_files))
+    find, left = _claimed, iter(range(n_files))
 
     def claimed(path: Path) -> Path:
         if next(left, None) is None:

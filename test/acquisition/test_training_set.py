@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lip_id_ros.acquisition import recording_file
 from lip_id_ros.acquisition.job_process import training_set
+from lip_id_ros.acquisition.recorder import keep
 from lip_id_ros.errors import DataError
 from lip_id_ros.evaluation import data_remarks
 from lip_id_ros.progress import silent
@@ -28,10 +28,10 @@ def samples(n_samples: int, start_s: int = 1000) -> JointSamples:
     return JointSamples(t, q, np.cos(q), 3.0 * q, ('a', 'b'), start_s * 10**9)
 
 
-def keep(path: Path, samples: JointSamples) -> Path:
+def kept(path: Path, samples: JointSamples) -> Path:
     signals = samples.position, samples.velocity, samples.effort
     known = '/states', samples.joint_names, samples.t, *signals, samples.start_ns
-    return recording_file.keep(path, JointStateTrack(*known))
+    return keep(path, JointStateTrack(*known))
 
 
 def test_live_recording_and_bags_are_joined_by_name(tmp_path: Path) -> None:
@@ -39,7 +39,7 @@ def test_live_recording_and_bags_are_joined_by_name(tmp_path: Path) -> None:
     arrays = (live.position, live.velocity, live.effort)
     position, velocity, effort = (each[:, ::-1] for each in arrays)
     turned = JointSamples(live.t, position, velocity, effort, ('b', 'a'), 2000 * 10**9)
-    bag = keep(tmp_path / 'b.mcap', turned)
+    bag = kept(tmp_path / 'b.mcap', turned)
     alone = training_set([live], [], CONFIG, silent).dataset
     both = training_set([live], [str(bag)], CONFIG, silent).dataset
     assert both.joint_names == ('a', 'b')
@@ -54,7 +54,7 @@ def test_live_recording_and_bags_are_joined_by_name(tmp_path: Path) -> None:
 
 
 def test_a_bag_alone_is_enough(tmp_path: Path) -> None:
-    bag = keep(tmp_path / 'b.mcap', samples(500))
+    bag = kept(tmp_path / 'b.mcap', samples(500))
     assert training_set([], [str(bag)], CONFIG, silent).dataset.n_samples > 50
 
 
@@ -84,7 +84,7 @@ def test_sections_that_are_too_short_are_left_out_and_listed() -> None:
 def test_what_is_used_is_shown_raw_and_judged(tmp_path: Path) -> None:
     stuck = samples(500)
     stuck.effort[:, 1] = 0.0
-    bag = keep(tmp_path / 'b.mcap', samples(500, 2000))
+    bag = kept(tmp_path / 'b.mcap', samples(500, 2000))
     data = training_set([samples(1), stuck], [str(bag)], CONFIG, silent).dataset
     (constant,) = (text for text in data_remarks(data.provenance) if 'effort_constant' in text)
     assert constant.startswith('error effort_constant: the effort of b')
@@ -92,7 +92,7 @@ def test_what_is_used_is_shown_raw_and_judged(tmp_path: Path) -> None:
 
 
 def test_what_a_bag_repeats_of_the_live_recording_is_noted(tmp_path: Path) -> None:
-    bags = [str(keep(tmp_path / name, samples(500, 2000))) for name in ('a.mcap', 'b.mcap')]
+    bags = [str(kept(tmp_path / name, samples(500, 2000))) for name in ('a.mcap', 'b.mcap')]
     data = training_set([samples(500)], bags, CONFIG, silent).dataset
     (copy,) = (text for text in data_remarks(data.provenance) if 'repeat an earlier' in text)
     assert (
@@ -106,7 +106,7 @@ def test_nothing_but_sections_that_are_too_short_is_refused() -> None:
 
 
 def test_the_bound_holds_for_all_sources_together(tmp_path: Path) -> None:
-    bag = keep(tmp_path / 'b.mcap', samples(500, 2000))
+    bag = kept(tmp_path / 'b.mcap', samples(500, 2000))
     config = Config(recording=RECORDING, preprocessing=PreprocessingSettings(max_samples=40))
     data = training_set([samples(500)], [str(bag)], config, silent).dataset
     assert data.n_samples == 40
@@ -114,7 +114,7 @@ def test_the_bound_holds_for_all_sources_together(tmp_path: Path) -> None:
 
 
 def test_the_bound_thins_bags_and_live_samples_alike(tmp_path: Path) -> None:
-    bag = keep(tmp_path / 'b.mcap', samples(1000, 5000))
+    bag = kept(tmp_path / 'b.mcap', samples(1000, 5000))
     bounded = Config(recording=RECORDING, preprocessing=PreprocessingSettings(max_samples=40))
     everything = training_set([samples(1000)], [str(bag)], CONFIG, silent)
     thinned = training_set([samples(1000)], [str(bag)], bounded, silent)

@@ -18,9 +18,9 @@ from rich.console import Console
 from simulation.pendulums import swing
 
 from lip_id_ros.cli import main, output, show
-from lip_id_ros.errors import DataError
-from lip_id_ros.escaping import for_page, one_line, printable
+from lip_id_ros.errors import DataError, one_line, printable
 from lip_id_ros.evaluation import fit_cautions
+from lip_id_ros.evaluation.report.page import for_page
 from lip_id_ros.export.kinematics import model_kinematics
 from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.dataset import concatenate, cutoffs_hz, Dataset
-from lip_id_ros.dataset.provenance import sample_interval_s
+from lip_id_ros.dataset.formats import sample_interval_s
 from lip_id_ros.dataset.subsets import contiguous_cuts
 from lip_id_ros.errors import DataError, ShapeError
 

@@ -83,8 +83,19 @@ def difference(
 
 def of_urdf(text: str, arm: ArmDescription, states: Array) -> Array:
     """Evaluate pinocchio's recursive Newton-Euler algorithm on a URDF, plus friction."""
-    rotors = urdf.rotor_inertias(ET.fromstring(text), arm.joint_names)
+    rotors = rotor_inertias(ET.fromstring(text), arm.joint_names)
     return of_template(text, arm, states, rotors)
+
+
+def rotor_inertias(root: ET.Element, joint_names: tuple[str, ...]) -> Array:
+    """Return the inertias of the rotors that an exported URDF has, shape (n,)."""
+    found = {
+        joint.get('name'): float(rotor.get('value', '0'))
+        for transmission in root.iter('transmission')
+        for joint in transmission.iter('joint')
+        for rotor in transmission.iter(f'{{{urdf.DRAKE}}}rotor_inertia')
+    }
+    return np.array([found.get(name, 0.0) for name in joint_names])
 
 
 def of_template(

@@ -9,7 +9,7 @@ import subprocess
 import xml.etree.ElementTree as ET
 
 from export.arms import model_of, panda, random_arm
-from export.readers import states_of
+from export.readers import rotor_inertias, states_of
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -17,7 +17,7 @@ import yaml
 
 from lip_id_ros.export.arm import describe
 from lip_id_ros.export.text import number, roll_pitch_yaw
-from lip_id_ros.export.urdf import RADIUS, rotor_inertias, to_urdf
+from lip_id_ros.export.urdf import RADIUS, to_urdf
 from lip_id_ros.rigid_body.chain import ROTOR
 from lip_id_ros.rigid_body.regressor import torque_regressor
 

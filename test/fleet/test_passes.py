@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from fleet.fleets import PlainEngine
 import pytest
 
+from lip_id_ros.checked_file import Packable
 from lip_id_ros.errors import DataError, TransferError
 from lip_id_ros.fleet.passes import digest, Passes
-from lip_id_ros.packable import Packable
 from lip_id_ros.progress import silent
 
 

@@ -19,7 +19,6 @@ from lip_id_ros.recording.joint_messages import KNOWN_DEFINITIONS
 ROS2: Any = get_typestore(Stores.ROS2_JAZZY)
 ROS1: Any = get_typestore(Stores.ROS1_NOETIC)
 JOINT_STATE = 'sensor_msgs/msg/JointState'
-TRAJECTORY = 'trajectory_msgs/msg/JointTrajectory'
 TEXT = 'std_msgs/msg/String'
 STEP_NS = 10_000_000
 PLUGINS = {'.db3': StoragePlugin.SQLITE3, '.mcap': StoragePlugin.MCAP}
@@ -224,16 +223,6 @@ def _point(store: Any, given: dict[str, Any], number: int) -> Any:
 
 def _duration(store: Any, seconds: int) -> Any:
     return store.types['builtin_interfaces/msg/Duration'](sec=seconds, nanosec=500_000_000)
-
-
-def trajectory_bytes(names: Sequence[str], points: Sequence[dict[str, Any]]) -> bytes:
-    """Return a JointTrajectory as it lies in a ROS 2 bag; points name their fields."""
-    message = ROS2.types[TRAJECTORY](
-        header=_header(ROS2, 0),
-        joint_names=list(names),
-        points=[_point(ROS2, point, number) for number, point in enumerate(points)],
-    )
-    return bytes(ROS2.serialize_cdr(message, TRAJECTORY))
 
 
 def _received(state: State) -> int:

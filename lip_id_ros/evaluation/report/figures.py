@@ -1,9 +1,12 @@
-"""The plots of an evaluation: torques, residuals, parts, energies and errors."""
+"""The page of an evaluation, and its plots: torques, residuals, parts, energies and errors."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import math
+import os
+from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,16 +14,33 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.escaping import for_plot
+from lip_id_ros.evaluation.cautions import evaluation_cautions
 from lip_id_ros.evaluation.metrics import Evaluation
 from lip_id_ros.evaluation.prediction import Outcome, standard_deviation
 from lip_id_ros.evaluation.report import style
+from lip_id_ros.evaluation.report.page import drawn, Picture, write_page
+from lip_id_ros.evaluation.report.style import for_plot
+from lip_id_ros.evaluation.tables import error_table, notes
 from lip_id_ros.joint_types import POSITION_UNITS
 from lip_id_ros.model import DynamicsModel, Prediction, TorqueModel
 from lip_id_ros.progress import Progress, silent
 
 MOST_SAMPLES = 200  # a standard deviation costs far more than a prediction
 MEAN_PERCENT = 100.0  # error of predicting the mean
+
+CAPTIONS = {
+    'torque': 'Measured torque (grey), predicted torque (blue) and two standard deviations '
+    '(of prediction and noise) on both sides.',
+    'errors': 'Normalised mean squared error; the axis is logarithmic. At the dashed line, 100 %, '
+    'a prediction is no better than the mean of the torque.',
+    'residual': 'Measured minus predicted torque, and two standard deviations on both sides of '
+    'zero.',
+    'energies': 'Predicted energies of the motion; the true ones, where known, in grey. The '
+    'constant of the potential energy is free.',
+    'torque_split': 'The predicted torque is the sum of these parts.',
+    'friction': 'Measured torque without that of the links (grey) and predicted friction (red), '
+    'over the velocity of each joint. Friction can depend on load, position and acceleration too.',
+}
 
 Bar = tuple[str, float, str]
 
@@ -201,3 +221,56 @@ def _label(value: float) -> str:
 
 def _column(band: Band | None, joint: int) -> Array | None:
     return None if band is None else band.tau[:, joint]
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Words of a report: warnings above the figures; name and value of facts."""
+
+    title: str
+    warnings: Sequence[str] = ()
+    facts: Sequence[tuple[str, str]] = ()
+
+
+def write_report(
+    folder: str | os.PathLike[str],
+    outcome: Outcome,
+    evaluation: Evaluation,
+    band: Band | None,
+    labels: Labels,
+    progress: Progress = silent,
+) -> Path:
+    """Write PNG plots and index.html, which embeds them and needs no network; return the page."""
+    return write_page(
+        folder,
+        labels.title,
+        labels.facts,
+        [*evaluation_cautions(evaluation), *labels.warnings],
+        [error_table(evaluation)],
+        notes(evaluation),
+        _pictures(outcome, evaluation, band, progress),
+    )
+
+
+def _pictures(
+    outcome: Outcome, evaluation: Evaluation, band: Band | None, progress: Progress
+) -> list[Picture]:
+    predicted = outcome.prediction
+    drawings: dict[str, tuple[str, Callable[[], Figure]]] = {
+        'torque': (
+            'Torque, measured and predicted',
+            lambda: torque(outcome, evaluation, band),
+        ),
+        'errors': ('Normalised errors', lambda: errors(evaluation)),
+        'residual': ('Residual', lambda: residual(outcome, band)),
+    }
+    if predicted.kinetic is not None or predicted.potential is not None:
+        drawings['energies'] = 'Energies', lambda: energies(outcome, evaluation, band)
+    if isinstance(predicted, Prediction):
+        title = 'Parts of the predicted torque'
+        drawings['torque_split'] = title, lambda: split(outcome, predicted)
+        drawings['friction'] = 'Friction', lambda: friction(outcome, predicted)
+    return drawn(
+        [(name, title, CAPTIONS[name], draw) for name, (title, draw) in drawings.items()],
+        progress,
+    )

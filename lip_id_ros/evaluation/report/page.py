@@ -5,13 +5,14 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+import html
 import io
 import os
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from lip_id_ros.escaping import for_page
+from lip_id_ros.errors import printable
 from lip_id_ros.evaluation.report.style import styled
 from lip_id_ros.evaluation.tables import Table
 from lip_id_ros.files import write_whole
@@ -134,3 +135,8 @@ def drawn(drawings: Iterable[Drawing], progress: Progress) -> list[Picture]:
             pictures.append(picture(name, title, caption, draw()))
             progress('plot', number, len(todo))
     return pictures
+
+
+def for_page(text: str) -> str:
+    """Return text that a browser shows as it is."""
+    return html.escape(printable(text))

@@ -16,7 +16,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.escaping import for_plot
+from lip_id_ros.errors import printable
 from lip_id_ros.joint_types import PRISMATIC, TORQUE_UNITS
 from lip_id_ros.model.proof import is_useless
 
@@ -99,14 +99,10 @@ def joint_grid(
     return figure
 
 
-def grid(
-    figure: Figure, count: int, n_columns: int, sharex: bool = False, sharey: bool = False
-) -> list[Axes]:
+def grid(figure: Figure, count: int, n_columns: int, sharex: bool = False) -> list[Axes]:
     """Return `count` panels in rows of `n_columns`; the rest of the last row stays empty."""
     n_rows = math.ceil(count / n_columns)
-    panels = list(
-        figure.subplots(n_rows, n_columns, sharex=sharex, sharey=sharey, squeeze=False).flat
-    )
+    panels = list(figure.subplots(n_rows, n_columns, sharex=sharex, squeeze=False).flat)
     for panel in panels[count:]:
         panel.set_visible(False)
     return panels[:count]
@@ -177,3 +173,8 @@ def broken_at(segment: IntArray, values: Array) -> Array:
     curve = np.array(values, dtype=np.float64)
     curve[1:][np.diff(segment) != 0] = np.nan
     return curve
+
+
+def for_plot(text: str) -> str:
+    """Return text that matplotlib draws as it is: `$` would begin mathematics."""
+    return printable(text).replace('$', r'\$')
