@@ -287,3 +287,19 @@ def test_a_payload_says_nothing_of_friction_after_a_pause() -> None:
     before = adaptation.numbers.copy()
     adaptation.pause(1e4)
     np.testing.assert_allclose(adaptation.numbers, before)
+
+
+def test_a_payload_that_was_found_says_nothing_of_friction_after_a_pause() -> None:
+    model = correlated_model()
+    adaptation = Adaptation(model)
+    bare, loaded = stream(model, 20.0), stream(with_payload(model, 1.0), 20.0, start=20.0)
+    adaptation.update(*bare)
+    adaptation.update(*loaded)
+    assert adaptation.payload is not None
+    friction, links = adaptation.arm.friction, adaptation.arm.last_body
+    adaptation.numbers[: friction.start] = adaptation.arm.start[: friction.start]
+    adaptation.numbers[links] += adaptation._found
+    adaptation.pause(1e6)
+    np.testing.assert_allclose(
+        adaptation.numbers[friction], adaptation.arm.start[friction], rtol=1e-9
+    )

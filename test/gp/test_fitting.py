@@ -98,6 +98,14 @@ def test_summary() -> None:
     assert 0.0 <= summary['seconds_optimising'] <= summary['seconds_total']
 
 
+def test_the_share_that_is_not_explained_has_no_unit() -> None:
+    first, hundredfold = (
+        quick(replace(samples(), tau=factor * samples().tau)).summary['unexplained_left_out']
+        for factor in (1.0, 100.0)
+    )
+    np.testing.assert_allclose(hundredfold, first, rtol=0.1)
+
+
 @pytest.mark.parametrize(
     ('settings', 'sentence'),
     [

@@ -55,6 +55,13 @@ def test_steps_beyond_the_finite_are_refused(start: float, target: float, beyond
     assert found.x == pytest.approx(np.log(target), abs=1e-3)
 
 
+@given(start=st.floats(-1.5, -0.5), evaluations=st.integers(1, 5))
+def test_no_step_to_a_higher_cost_is_taken(start: float, evaluations: int) -> None:
+    problem = NearAWall(1.0, 5.0, 5.0)
+    at = problem.at(start)
+    assert minimise(problem, at, evaluations, 1e-12).cost <= at.cost
+
+
 def test_a_start_without_a_jacobian_is_returned() -> None:
     problem = NearAWall(1.0, 5.0, -5.0)
     start = problem.at(-1.0)

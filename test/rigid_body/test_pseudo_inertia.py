@@ -23,6 +23,13 @@ SCALE = scale_of(3.0, 0.3)
 NUMBERS = arrays(np.float64, (2, 11), elements=st.floats(-3.0, 2.0))
 
 
+def test_the_scale_is_that_of_a_link_of_its_mass_and_size() -> None:
+    (link,) = link_parameters(np.zeros((1, 11)), scale_of(4.0, 0.3))
+    assert link[0] == pytest.approx(4.0)
+    assert link[[4, 7, 9]] == pytest.approx([2 * 4.0 * 0.3**2] * 3)
+    assert link[10] == pytest.approx(4.0 * 0.3**2)
+
+
 @given(NUMBERS)
 def test_every_vector_is_a_link_that_can_exist(numbers: Array) -> None:
     parameters = link_parameters(numbers, SCALE)
