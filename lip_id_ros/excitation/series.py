@@ -17,9 +17,6 @@ from scipy.linalg import null_space
 from lip_id_ros.arrays import Array
 from lip_id_ros.excitation.joint_limits import JointLimits
 
-LEAST_HARMONICS = 2
-"""With fewer, no series of them starts at rest."""
-
 
 @dataclass(frozen=True, eq=False)
 class FourierMotion:

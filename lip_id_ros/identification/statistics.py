@@ -79,28 +79,6 @@ class TorqueStatistics:
         taken = np.full(len(self.columns), len(tau)) if counts is None else counts.sum(axis=0)
         return TorqueStatistics(self.columns, tuple(factors), self.counts + taken)
 
-    def merge(self, *others: TorqueStatistics) -> TorqueStatistics:
-        """
-        Return the statistics of all samples, in any order.
-
-        Raises ShapeError if columns differ.
-        """
-        every = (self, *others)
-        for other in others:
-            if len(other.columns) != len(self.columns) or not all(
-                np.array_equal(a, b) for a, b in zip(self.columns, other.columns, strict=True)
-            ):
-                raise ShapeError(
-                    'statistics of the same parameters were expected, but the columns differ; '
-                    'gather both with the same chain and friction terms.'
-                )
-        factors = tuple(
-            triangular(*(each.factors[i] for each in every)) for i in range(len(self.columns))
-        )
-        return TorqueStatistics(
-            self.columns, factors, np.sum([each.counts for each in every], axis=0)
-        )
-
     def squared_residuals(self, parameters: Array) -> Array:
         """Weighted sums (..., n) of squares [(N m)^2 or N^2], for parameters (..., P)."""
         sums = []

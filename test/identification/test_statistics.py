@@ -73,10 +73,11 @@ def test_split_and_order_of_samples_do_not_matter(
 ) -> None:
     features, tau = samples(300, seed)
     edges = [0, *sorted(cuts), 300]
-    parts = [part(features, tau, slice(a, b)) for a, b in pairwise(edges)]
+    parts = [slice(a, b) for a, b in pairwise(edges)]
     order.shuffle(parts)
-    whole = part(features, tau, slice(None))
-    joined = parts[0].merge(*parts[1:])
+    whole, joined = part(features, tau, slice(None)), TorqueStatistics.empty(COLUMNS)
+    for rows in parts:
+        joined = joined.update([each[rows] for each in features], tau[rows])
     one, other = (posterior(each, NOISE, PRIOR).mean for each in (whole, joined))
     np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-9)
     for i in range(len(COLUMNS)):
@@ -125,7 +126,7 @@ def test_leaving_a_block_out() -> None:
     white = NOISE / np.sqrt(1.0 - inside)
     squares, outside = np.zeros((2, 3))
     for k in range(4):
-        others = blocks[(k + 1) % 4].merge(*(blocks[(k + i) % 4] for i in (2, 3)))
+        others = empty.update(list(whole[:, block != k]), tau[block != k])
         fit = posterior(others, white, PRIOR)
         squares += blocks[k].squared_residuals(fit.mean) / 120
         outside += [fit.variance(rows[block == k]).sum() / 120 for rows in whole] / white**2
@@ -220,8 +221,6 @@ def test_shapes_that_do_not_fit() -> None:
     features, tau = samples(5)
     with pytest.raises(ShapeError, match='one array per joint'):
         TorqueStatistics.empty(COLUMNS).update(features[:2], tau)
-    with pytest.raises(ShapeError, match='the columns differ'):
-        TorqueStatistics.empty(COLUMNS).merge(TorqueStatistics.empty(COLUMNS[:2]))
 
 
 BLOCKS, LENGTH = 6, 50
