@@ -182,7 +182,7 @@ def seeds() -> list[Case]:
         for compression in (None, *rosbag1.Writer.CompressionFormat):
             files.append(('.bag', _ros1(folder / f'{compression}.bag', compression)))
     files.append(('.mcap.lz4', lz4.frame.compress(files[0][1])))
-    return [*files, ('.csv', _log()), ('.csv', _data('.csv')), ('.npz', _data('.npz'))]
+    return [*files, ('.csv', _log()), ('.npz', _data())]
 
 
 def _log() -> bytes:
@@ -190,9 +190,9 @@ def _log() -> bytes:
     return '\n'.join(['t,q_a,tau_a', *lines, '']).encode()
 
 
-def _data(suffix: str) -> bytes:
+def _data() -> bytes:
     values = np.sin(np.arange(40.0)).reshape(20, 2)
-    with tempfile.NamedTemporaryFile(suffix=suffix) as file:
+    with tempfile.NamedTemporaryFile(suffix='.npz') as file:
         Dataset.from_arrays(values, values, values, values).save(file.name)
         return Path(file.name).read_bytes()
 

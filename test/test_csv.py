@@ -8,7 +8,6 @@ import numpy as np
 from preprocessing.motions import recording, uniform
 import pytest
 
-from lip_id_ros.csv_table import read_table
 from lip_id_ros.errors import DataError, LipIdError, SourceError
 from lip_id_ros.loading import load_dataset
 from lip_id_ros.preprocessing import describe, preprocess
@@ -125,13 +124,6 @@ def test_real_log(shared_data: Path, tmp_path: Path) -> None:
     assert data.n_samples > 200
 
 
-def test_times_may_be_negative(tmp_path: Path) -> None:
-    text = 't,q_a,tau_a\n' + ''.join(f'{k / 10 - 5.0},{k},1\n' for k in range(100))
-    samples = read_log(log(tmp_path / 'log.csv', text))
-    assert (samples.n_samples, samples.counts, samples.start_s) == (100, {}, -5.0)
-    np.testing.assert_allclose(samples.t, np.arange(100) / 10, atol=1e-9)
-
-
 @pytest.mark.parametrize('rest', ['0.05', '5,4.2,', '5,4.2,3e'])
 def test_last_line_that_was_cut_short_is_left_out(tmp_path: Path, rest: str) -> None:
     text = 't,q_a,tau_a\n' + ''.join(f'{k / 100},{k},1\n' for k in range(6107)) + rest
@@ -199,25 +191,5 @@ def test_times_that_are_not_in_seconds_are_refused(tmp_path: Path, start: float)
         read_log(log(tmp_path / 'log.csv', text))
 
 
-def test_very_many_columns_take_a_sentence(tmp_path: Path) -> None:
-    names = ','.join(f'q_{k}' for k in range(100_000))
-    path = log(tmp_path / 'log.csv', f't,{names}\n')
-    with pytest.raises(DataError, match='at most 20000 columns, not 100001; export onl'):
-        load_dataset(path)
-    names = ','.join(f'q_{k}' for k in range(10_000))
-    row = ','.join(['0'] * 10_001)
-    path = log(tmp_path / 'log.csv', f't,{names}\n{row}\n')
-    with pytest.raises(SourceError, match='at most 1000 joints, not 10000; choose some'):
-        load_dataset(path)
-
-
 def test_a_log_of_positions_alone_is_read(tmp_path: Path) -> None:
     assert not read_log(log(tmp_path / 'a.csv', 't,q_a\n0,1\n1,1\n2,3\n')).has_effort
-
-
-@pytest.mark.parametrize('index', [[5, 6, 7, 8], [0, 1, 4, 5], [0, 1, 2, 0, 1, 2], [7]])
-def test_a_first_column_without_a_name_numbers_the_rows(tmp_path: Path, index: list[int]) -> None:
-    """Also of a table of which rows were left out, and of tables one after another."""
-    rows = '\n'.join(f'{number},{k},1,2' for k, number in enumerate(index))
-    table = read_table(log(tmp_path / 'a.csv', f',t,q_a,tau_a\n{rows}\n'))
-    assert list(table.columns) == ['t', 'q_a', 'tau_a']

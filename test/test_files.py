@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import errno
 import fcntl
-from functools import partial
 import io
 import json
 import os
 from pathlib import Path
 import stat
-from typing import Any, BinaryIO
+from typing import BinaryIO
 import zipfile
 
 from hypothesis import given
@@ -19,18 +18,16 @@ import numpy as np
 import pytest
 
 from lip_id_ros import files
-from lip_id_ros.errors import ConfigError, SourceError
+from lip_id_ros.errors import ConfigError
 from lip_id_ros.files import (
     HEADER,
     read_header,
     read_npz,
-    require_regular_file,
     require_suffix,
     require_writable,
     scratch_folder,
     write_atomically,
     write_npz,
-    write_whole,
 )
 
 ARRAYS = {'q': np.arange(6.0).reshape(3, 2), 'names': np.array(['a', 'bc'])}
@@ -162,16 +159,6 @@ def test_a_link_is_followed_and_the_mode_is_kept(tmp_path: Path) -> None:
     assert stat.S_IMODE(target.stat().st_mode) == 0o600
 
 
-def test_a_pipe_is_written_to(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / 'pipe')
-    reader = os.open(tmp_path / 'pipe', os.O_RDONLY | os.O_NONBLOCK)
-    write_atomically(tmp_path / 'pipe', write_new)
-    assert os.read(reader, 10) == b'new'
-    os.close(reader)
-    assert stat.S_ISFIFO((tmp_path / 'pipe').stat().st_mode)
-    assert os.listdir(tmp_path) == ['pipe']
-
-
 def test_temporary_files_of_killed_writes_are_swept(tmp_path: Path) -> None:
     name = f'.file.{"0123456789abcdef" * 2}'
     left, in_use, young, foreign, other = (
@@ -295,12 +282,3 @@ def test_a_folder_in_use_is_not_swept(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_a_folder_is_no_place_for_a_file(path: str) -> None:
     with pytest.raises(IsADirectoryError, match=rf"Is a directory: '{path}'$"):
         write_atomically(path, write_new)
-
-
-@pytest.mark.parametrize('path', [None, 3, b'a', 'a\0b'])
-def test_what_is_no_path_is_neither_read_nor_written(path: Any) -> None:
-    for use in (require_regular_file, partial(write_whole, content=b'x')):
-        with pytest.raises(
-            SourceError, match=r'^a path must .*; (name a file|correct the name)\.'
-        ):
-            use(path)

@@ -1,4 +1,4 @@
-"""What is installed: by rosdep, as a Debian package, with pip, and where little may be written."""
+"""What is installed: by rosdep, with pip, and where little may be written."""
 
 from __future__ import annotations
 
@@ -120,12 +120,11 @@ def test_pip_install_gives_a_lip_id_that_needs_no_ros(wheel: Path, tmp_path: Pat
 
 @pytest.fixture(scope='module')
 def rosdep(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Let rosdep and bloom know the keys of its lists and the packages of this ROS."""
+    """Let rosdep know the keys of its lists and the packages of this ROS."""
     lists = ROOT.parent / 'shared/rosdep'
     if not lists.is_dir():
         pytest.skip(f'no rosdep lists in {lists}')
-    for name in ('rosdep2', 'bloom'):
-        pytest.importorskip(name)
+    pytest.importorskip('rosdep2')
     folder = tmp_path_factory.mktemp('rosdep')
     (folder / 'sources').mkdir()
     sources = [f'yaml {path.as_uri()}\n' for path in sorted(lists.glob('*.yaml'))]
@@ -179,22 +178,6 @@ def test_rosdep_installs_packages_of_the_system_alone(
     installed = {line.split()[-1] for line in lines if line.startswith('  apt-get install')}
     assert {'python3-numba', 'python3-scipy', 'ros-jazzy-rclpy'} <= installed
     assert 'pip' not in done.stdout
-
-
-@pytest.mark.ros
-def test_bloom_makes_a_debian_package(rosdep: dict[str, str], tmp_path: Path) -> None:
-    for name in ('package.xml', 'setup.py', 'CHANGELOG.rst', 'LICENSE'):
-        shutil.copy(ROOT / name, tmp_path)
-    system = ('--os-name', 'ubuntu', '--os-version', 'noble', '--ros-distro', 'jazzy')
-    made = run('env', '-C', tmp_path, 'bloom-generate', 'rosdebian', *system, **rosdep)
-    assert made.returncode == 0, made.stdout + made.stderr
-    control = (tmp_path / 'debian/control').read_text()
-    depends = re.search('^Depends: (.*)$', control, re.MULTILINE)
-    assert depends
-    packages = [name for name in depends[1].split(', ') if not name.startswith('$')]
-    assert 'ros-jazzy-rclpy' in packages
-    assert all(name.startswith(('ros-jazzy-', 'python3-')) for name in packages)
-    assert (tmp_path / 'debian/rules').is_file()
 
 
 def test_the_lowest_versions_are_those_of_setup() -> None:

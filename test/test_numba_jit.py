@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-import fcntl
 import os
 from pathlib import Path
 import shutil
@@ -177,76 +176,6 @@ def test_only_a_change_in_what_a_module_imports_is_seen(tmp_path: Path) -> None:
     assert run(tmp_path, path) == (3.0, 0)
     (package / 'other.py').write_text('FACTOR = 3.0\n')
     assert run(tmp_path, path) == (3.0, 0)
-
-
-DERIVATIVES = """
-import sys
-import numpy as np
-from lip_id_ros.rigid_body import Chain
-from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
-from scipy.spatial.transform import Rotation
-
-rng = np.random.default_rng(0)
-axes = Rotation.random(6, random_state=rng).as_matrix()
-chain = Chain(axes, rng.normal(size=(6, 3)), np.zeros(6, dtype=bool), np.array([0.0, 0.0, -9.81]))
-state = rng.normal(size=(3, 50, 6))
-sys.stdout.write(placement_derivatives(chain, rng.normal(size=(6, 11)), *state).tobytes().hex())
-"""
-
-
-def test_code_from_the_cache_rounds_as_code_just_compiled(tmp_path: Path) -> None:
-    environment = {**os.environ, 'PYTHONPATH': str(ROOT), 'NUMBA_CACHE_DIR': str(tmp_path)}
-    command = [sys.executable, '-c', DERIVATIVES]
-    first, second = (
-        subprocess.run(command, env=environment, capture_output=True, check=True).stdout
-        for _ in range(2)
-    )
-    assert first == second
-    assert len(first) > 1000
-
-
-def test_a_process_that_stands_still_while_it_compiles_stops_no_other(folder: Path) -> None:
-    run(folder)
-    held = [os.open(lock, os.O_RDWR) for lock in (folder / '__pycache__').glob('*.lock')]
-    for lock in held:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-    (folder / 'inner.py').write_text(INNER.format(factor=3.0))
-    outer = (folder / 'outer.py').read_text()
-    shorter = 'from lip_id_ros import numba_jit\nnumba_jit.LONGEST_WAIT_S = 0.1\n'
-    (folder / 'outer.py').write_text(shorter + outer)
-    assert run(folder) == (3.0, 0)
-    assert held
-    for lock in held:
-        os.close(lock)
-
-
-READING = """
-import numpy as np
-from lip_id_ros.numba_jit import jit, jit_reading
-
-@jit_reading
-def total(x, y):
-    return np.sum(x) + 2.0 * np.sum(y)
-
-@jit
-def caller(x):
-    return total(x, 3.0 * x)
-
-x, locked = np.arange(4.0), np.arange(4.0)
-locked.flags.writeable = False
-pairs = [(x, x), (x, locked), (locked, x), (locked, locked), (x, x)]
-found = [total(*pair) for pair in pairs] + [total(x[::2], x)]
-print(*found, caller(x), caller(locked), len(total.signatures))
-"""
-
-
-def test_functions_that_only_read_are_compiled_once_for_locked_arrays_too(tmp_path: Path) -> None:
-    """But anew for arrays with steps between."""
-    (tmp_path / 'reading.py').write_text(READING)
-    for _ in range(2):  # compiled, and from disk
-        ran = ended(tmp_path, 'reading.py')
-        assert ran.returncode == 0, ran.stderr
-        assert ran.stdout.split() == [*['18.0'] * 5, '14.0', '42.0', '42.0', '2']
 
 
 @pytest.mark.parametrize('cores', [1, 2, 7])

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import os
 from pathlib import Path
 import re
-import shutil
 import sys
 from xml.etree import ElementTree
 
@@ -38,17 +37,6 @@ WITHOUT_KEY = {
     'rosbags': 'rosbags',
     'threadpoolctl': 'threadpoolctl',
 }
-LAUNCH_FILE = """
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, LogInfo
-from launch.substitutions import LaunchConfiguration
-
-
-def generate_launch_description():
-    word = DeclareLaunchArgument('word', default_value='nothing', description='to say')
-    say = LogInfo(msg=['says ', LaunchConfiguration('word')])
-    return LaunchDescription([word, say])
-"""
 
 
 def foreign_imports(*folders: str) -> set[str]:
@@ -136,25 +124,6 @@ def test_ros2_finds_the_built_programs() -> None:
     assert {'lip_id', 'serve', 'train'} <= {line.split()[-1] for line in listed.splitlines()}
     helped = run('ros2', 'run', PACKAGE, 'lip_id', '--help')
     assert helped.returncode == 0, helped.stderr
-
-
-@pytest.mark.ros
-@pytest.mark.slow
-def test_ros2_launch_passes_arguments(tmp_path: Path) -> None:
-    if shutil.which('ros2') is None:
-        pytest.skip('the program ros2 is not on the path')
-    file = tmp_path / 'says.launch.py'
-    file.write_text(LAUNCH_FILE)
-    environment = {'ROS_LOG_DIR': str(tmp_path / 'log')}
-    ran = run('ros2', 'launch', file, 'word:=a:=b', **environment)
-    assert ran.returncode == 0, ran.stderr
-    assert 'says a:=b' in ran.stdout + ran.stderr
-    listed = run('ros2', 'launch', file, '--show-args', **environment)
-    assert "'word'" in listed.stdout
-    assert 'nothing' in listed.stdout
-    missing = run('ros2', 'launch', tmp_path / 'none.launch.py', **environment)
-    assert missing.returncode == 1
-    assert 'none.launch.py' in missing.stderr
 
 
 def built() -> bool:

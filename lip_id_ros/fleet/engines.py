@@ -77,11 +77,6 @@ class LocalEngine(Engine):
         self._idle: list[_Worker] = []
         self._running: dict[Connection, tuple[_Worker, int]] = {}
 
-    @property
-    def pids(self) -> list[int]:
-        """Processes that are at work now."""
-        return [worker.pid for worker, _ in self._running.values()]
-
     def __exit__(self, *error: object) -> None:
         """End the processes."""
         for worker in self._idle:
@@ -147,10 +142,6 @@ class _Worker:
             finally:
                 signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
-
-    @property
-    def pid(self) -> int:
-        return self._process.pid or 0
 
     def start(self, function: Function, item: Any) -> None:
         try:

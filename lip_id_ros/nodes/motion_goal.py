@@ -233,8 +233,9 @@ class MotionGoal:
             self._cancel(sent.result())
 
     def _tell(self, why: str) -> None:
-        self.doubt = f'; the controller of {self._action} {why}: stop the arm by other means'
-        self._node.get_logger().error(self.doubt.removeprefix('; '))
+        sentence = f'the controller of {self._action} {why}: stop the arm by other means'
+        self.doubt += f'; {sentence}'
+        self._node.get_logger().error(sentence)
         self._on_news()
 
     def _now_s(self) -> float:

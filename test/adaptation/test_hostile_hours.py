@@ -75,29 +75,10 @@ def turned(arm: Arm, rng: np.random.Generator, states: States) -> tuple[States, 
     return states, arm.measured(states, rng) * np.where(np.arange(N_JOINTS) == 1, -1.0, 1.0)
 
 
-def stuck(arm: Arm, rng: np.random.Generator, states: States) -> tuple[States, Array]:
-    """Have one joint's effort stand still."""
-    tau = arm.measured(states, rng)
-    tau[:, 1] = tau[0, 1]
-    return states, tau
-
-
-def saturated(arm: Arm, rng: np.random.Generator, states: States) -> tuple[States, Array]:
-    """Have one joint's effort reach no further than its usual size."""
-    tau = arm.measured(states, rng)
-    tau[:, 1] = np.clip(tau[:, 1], -arm.size[1], arm.size[1])
-    return states, tau
-
-
 def far(arm: Arm, rng: np.random.Generator, states: States) -> tuple[States, Array]:
     """Move twice as far and as fast as the arm that was fitted."""
     q, dq, ddq = (2.0 * x for x in states)
     return (q, dq, ddq), arm.measured((q, dq, ddq), rng)
-
-
-def exchanged(arm: Arm, rng: np.random.Generator, states: States) -> tuple[States, Array]:
-    """Exchange the efforts of two joints."""
-    return states, arm.measured(states, rng)[:, [1, 0, *range(2, N_JOINTS)]]
 
 
 def resting(arm: Arm, rng: np.random.Generator, states: States) -> tuple[States, Array]:
@@ -108,22 +89,10 @@ def resting(arm: Arm, rng: np.random.Generator, states: States) -> tuple[States,
     return rest, arm.measured(rest, rng) + held
 
 
-def one_sine(arm: Arm, rng: np.random.Generator, states: States) -> tuple[States, Array]:
-    """Repeat one sine in all joints."""
-    angle = 1.5 * np.arange(len(states[0]))[:, None] / RATE_HZ
-    size = rng.uniform(0.3, 0.8, N_JOINTS)
-    only = size * np.sin(angle), 1.5 * size * np.cos(angle), -(1.5**2) * size * np.sin(angle)
-    return only, arm.measured(only, rng)
-
-
 HOSTILE: dict[str, Hostile] = {
     'contacts': touched,
     'a sign turned': turned,
-    'a stuck effort': stuck,
-    'a saturated effort': saturated,
-    'efforts exchanged': exchanged,
     'rest': resting,
-    'one sine': one_sine,
     'states far away': far,
 }
 

@@ -13,11 +13,6 @@ from lip_id_ros.settings import FitSettings
 from lip_id_ros.simulation.arm import panda_urdf
 
 
-def test_an_unknown_name() -> None:
-    with pytest.raises(ConfigError, match=r"'svm' is not a model; there are se, gip, semi"):
-        method('svm')
-
-
 @pytest.mark.parametrize('name', ['rigid_body', 'semiparametric'])
 def test_kinematics_are_asked_for(name: str) -> None:
     with pytest.raises(ConfigError, match=f"'{name}' needs the kinematics .* name its URDF file"):

@@ -97,11 +97,6 @@ def test_all_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(f'\n  {name} ' in shown for name in available())
 
 
-def test_unknown_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['panda']) == 2
-    assert ', '.join(available()) in capsys.readouterr().err
-
-
 def test_queries_leave_nothing_in_memory(tmp_path: Path) -> None:
     model, figures = tmp_path / 'model.npz', tmp_path / 'figures.json'
     small_model().save(model)

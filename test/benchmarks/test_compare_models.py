@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 from simulation.pendulums import swing
 
@@ -113,14 +112,6 @@ def test_what_cannot_be_fitted_is_a_row_that_says_why() -> None:
     row = compare_models.measured(Refusing(), swing(0), {}, FitSettings(), silent)
     assert row == {'error': 'more is needed.'}
     assert list(compare_models.tables('20 samples', {'never': row})) == []
-
-
-def test_thinning_keeps_the_ends() -> None:
-    whole = swing(0)
-    some = compare_models.thinned(whole, 10)
-    assert some.n_samples == 10
-    np.testing.assert_array_equal(some.t[[0, -1]], whole.t[[0, -1]])
-    assert compare_models.thinned(whole, 10**6) is whole
 
 
 def test_figures_are_medians_over_motions() -> None:

@@ -70,12 +70,3 @@ def test_it_learns_and_the_seed_decides() -> None:
     assert errors[1] < 0.5 * errors[0]
     assert many.kinetic is not None
     assert many.kinetic.min() >= 0
-
-
-def test_training_leaves_the_random_numbers_of_others_alone() -> None:
-    data, _ = runs(1, 30)
-    torch.manual_seed(5)
-    expected = torch.rand(3)
-    torch.manual_seed(5)
-    delan.Delan(1).fit(data, FitSettings(), silent)
-    np.testing.assert_array_equal(torch.rand(3), expected)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -92,22 +91,3 @@ def test_semiparametric_learns_what_the_regressor_has_not() -> None:
         found = learned.predict(unseen.q, unseen.dq, unseen.ddq).tau
         errors[name] = metrics.nmse_percent(found, unseen.tau)
     assert np.all(errors['semiparametric'] < 0.3 * errors['rigid_body'])
-
-
-def test_a_joint_that_the_urdf_has_not() -> None:
-    data, _ = runs(2, 20)
-    with pytest.raises(
-        DataError,
-        match=r"joint 'elbow' of the data is not among the joints that move in .*panda\.urdf",
-    ):
-        method('rigid_body', panda_urdf()).fit(
-            replace(data, joint_names=('panda_joint1', 'elbow')), SETTINGS, silent
-        )
-
-
-def test_a_file_that_is_no_urdf(tmp_path: Path) -> None:
-    data, _ = runs(2, 20)
-    file = tmp_path / 'arm.urdf'
-    file.write_text('no robot')
-    with pytest.raises(DataError, match=r'arm\.urdf is not a URDF .* give another file'):
-        method('rigid_body', file).fit(data, SETTINGS, silent)

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from lip_id_ros.cli import main
-from lip_id_ros.cli.check_plan import verdict
 from lip_id_ros.excitation.trajectory_file import Trajectory, write_bag, write_yaml
 from lip_id_ros.feedforward.interpolation import Plan
-from lip_id_ros.feedforward.plan_check import check_plan, PlanCheck
+from lip_id_ros.feedforward.plan_check import check_plan
 from lip_id_ros.model import InverseDynamicsModel
 
 JOINTS = ('wrist', 'shoulder', 'elbow')  # not in the order of the model
@@ -126,10 +125,6 @@ def test_every_plan_of_a_file_is_checked(
     shown = capsys.readouterr()
     assert 'Plan 1 of 2, 9 s' in shown.out
     assert 'plans 2 of plans.yaml must stay' in shown.err or 'plans 1, 2 of' in shown.err
-
-
-def test_the_time_in_which_a_plan_fits_is_rounded_up() -> None:
-    assert verdict(PlanCheck((), 1.0, 1.2341)).endswith('It does in 1.235 times its time.')
 
 
 def test_a_weight_that_is_too_large(

@@ -1,13 +1,7 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-import os
 from pathlib import Path
-import shutil
-import subprocess
-import tempfile
 
 from fleet.logs import logged
 import pytest
@@ -18,7 +12,6 @@ from lip_id_ros.fleet.cache import FolderCache
 
 KEY, OTHER = 64 * 'a' + '.survey', 'ab' + 62 * '0' + '.refusal'
 CONTENT = bytes(range(256)) * 40
-NOBODY = 65534
 
 
 def entries(folder: str | Path) -> list[Path]:
@@ -101,94 +94,3 @@ def test_the_version_follows_all_sources_that_results_depend_on() -> None:
     messages = {'errors', 'progress'}
     assert needed - messages == {Path(name).stem for name in cache.MADE_BY}
     assert len(cache.code_version()) == 16
-
-
-def test_another_version_of_a_package_is_another_version(monkeypatch: pytest.MonkeyPatch) -> None:
-    here = cache.code_version()
-    fresh = cache.code_version.__wrapped__
-    assert fresh() == here
-    monkeypatch.setattr(cache, 'version', lambda name: '9.9' if name == 'numba' else '1')
-    assert fresh() != here
-
-
-@contextmanager
-def mounted(folder: Path, *options: str) -> Iterator[None]:
-    mount, unmount = shutil.which('mount'), shutil.which('umount')
-    if mount is None or unmount is None:
-        pytest.skip('there is no mount')
-    command = [mount, *options, str(folder)]
-    if subprocess.run(command, capture_output=True, check=False).returncode:
-        pytest.skip('mounting needs rights that are missing here')
-    try:
-        yield
-    finally:
-        subprocess.run([unmount, str(folder)], check=True)
-
-
-@pytest.fixture
-def read_only(tmp_path: Path) -> Iterator[Path]:
-    FolderCache(tmp_path)[KEY] = CONTENT
-    with mounted(tmp_path, '--bind', str(tmp_path)):
-        subprocess.run(['mount', '-o', 'remount,bind,ro', str(tmp_path)], check=True)
-        yield tmp_path
-
-
-def test_a_full_disk_costs_one_warning_and_leaves_no_halves(tmp_path: Path) -> None:
-    with mounted(tmp_path, '-t', 'tmpfs', '-o', 'size=32k', 'tmpfs'):
-        kept = FolderCache(tmp_path)
-        kept[KEY] = CONTENT
-        with logged(cache.__name__) as lines:
-            kept[OTHER] = kept[64 * 'c' + '.survey'] = 20 * CONTENT
-        assert kept.get(KEY) == CONTENT
-        assert [path.name for path in entries(tmp_path)] == [KEY]
-    (line,) = lines
-    assert 'No space left on device' in line
-
-
-def test_a_cache_that_cannot_be_written_is_read(read_only: Path) -> None:
-    with pytest.raises(OSError, match='Read-only'):
-        (read_only / 'more').touch()
-    assert FolderCache(read_only).get(KEY) == CONTENT
-
-
-@pytest.mark.skipif(os.geteuid() != 0, reason='only root can become another user')
-def test_a_cache_of_another_user_is_read() -> None:
-    with tempfile.TemporaryDirectory(dir='/tmp') as folder:
-        os.chmod(folder, 0o755)
-        kept = FolderCache(folder)
-        kept[KEY] = CONTENT
-        (entry,) = entries(folder)
-        with as_user(NOBODY), logged(cache.__name__) as lines:
-            readable = os.access(entry, os.R_OK, effective_ids=True)
-            writable = os.access(entry, os.W_OK, effective_ids=True)
-            assert (readable, writable) == (True, False)
-            assert kept.get(KEY) == CONTENT
-            kept[OTHER] = CONTENT
-        assert kept.get(OTHER) is None
-        (line,) = lines
-        assert 'Permission denied' in line
-
-
-@contextmanager
-def as_user(number: int) -> Iterator[None]:
-    os.setresuid(number, number, 0)
-    try:
-        yield
-    finally:
-        os.setresuid(0, 0, 0)
-
-
-@pytest.mark.skipif(os.geteuid() != 0, reason='only root can become a user without an entry')
-def test_a_user_without_a_home_has_a_cache(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ('HOME', 'XDG_CACHE_HOME'):
-        monkeypatch.delenv(name, raising=False)
-    cache.code_version()  # the sources may be closed to others
-    with tempfile.TemporaryDirectory(dir='/tmp') as folder:
-        os.chmod(folder, 0o777)
-        monkeypatch.setattr('tempfile.tempdir', folder)
-        with as_user(12345):
-            kept = FolderCache(cache.default_folder())
-            kept[KEY] = CONTENT
-            assert kept.get(KEY) == CONTENT
-        (entry,) = entries(Path(folder) / 'cache_of_12345' / 'lip_id_ros' / 'fleet')
-        assert entry.name == KEY

@@ -189,39 +189,6 @@ def test_ctrl_c_ends_all_processes_and_leaves_what_was_kept(tmp_path: Path) -> N
     assert all(kept.get(key) is not None for key in first)
 
 
-OTHER_VERSION = """
-import sys
-from fleet.tasks import square
-from lip_id_ros.errors import ConfigError
-from lip_id_ros.fleet import cache
-from lip_id_ros.fleet.engines import RayEngine
-from lip_id_ros.progress import silent
-
-cache.PACKAGES = ()  # as a driver with other packages
-with RayEngine(jobs=1) as engine:
-    try:
-        engine.map(square, [3], silent, lambda number, value: print('kept'))
-    except ConfigError as error:
-        print(error)
-"""
-
-
-@pytest.mark.slow
-def test_a_worker_of_another_version_is_refused(tmp_path: Path) -> None:
-    pytest.importorskip('ray', reason='Ray is not installed')
-    script = tmp_path / 'driver.py'
-    script.write_text(OTHER_VERSION)
-    done = subprocess.run(
-        [sys.executable, str(script)],
-        capture_output=True,
-        text=True,
-        env=os.environ | {'PYTHONPATH': import_paths()},
-        check=True,
-    )
-    assert done.stdout.startswith('all workers of the Ray cluster must have this lip_id_ros')
-    assert done.stdout.endswith('; install the same there.\n')
-
-
 LOSES_ITS_CLUSTER = """
 from pathlib import Path
 from threading import Thread

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 import resource
-import socket
 from threading import Thread
 from typing import Any
 
@@ -106,36 +105,6 @@ def copied(file: StoredFile, target: Path, sleep: Any = lambda seconds: None) ->
     return target.read_bytes()
 
 
-def test_a_replaced_file_is_read_again(server: Server) -> None:
-    """Without any header that tells it apart, and of the same size."""
-    first = found(server.url)
-    assert read(first) == b'first'
-    server.content = b'other'
-    second = found(server.url)
-    assert second.fingerprint != first.fingerprint
-    assert read(second) == b'other'
-
-
-def test_a_short_copy_is_begun_anew(server: Server, tmp_path: Path) -> None:
-    server.content, server.ends = bytes(range(250)), [100, 0]
-    (file,) = found(server.url).files
-    assert copied(file, tmp_path / 'copy') == server.content
-    server.ends = [100] * 10
-    with pytest.raises(TransferError, match=r'broke 5 times \(ConnectionError: 100 of 250 bytes'):
-        copied(file, tmp_path / 'copy')
-
-
-def test_copies_of_two_files_are_not_joined(server: Server, tmp_path: Path) -> None:
-    server.content, server.ends, server.modified = bytes(range(250)), [100], 'once'
-    (file,) = found(server.url).files
-
-    def replace(seconds: float) -> None:
-        server.content, server.modified = bytes(250), 'later'
-
-    with pytest.raises(TransferError, match='has changed since it was found'):
-        copied(file, tmp_path / 'copy', replace)
-
-
 def test_a_full_disk_is_named(server: Server, tmp_path: Path) -> None:
     server.content = bytes(5000)
     (file,) = found(server.url).files
@@ -178,10 +147,3 @@ def test_credentials_are_used_and_not_shown(server: Server) -> None:
 )
 def test_addresses_are_shown_without_credentials(url: str, shown: str) -> None:
     assert public(url) == shown
-
-
-def test_a_server_that_refuses_connections_is_named(server: Server) -> None:
-    with socket.create_server(('127.0.0.1', 0)) as free:
-        port = free.getsockname()[1]
-    with pytest.raises(TransferError, match=rf'{port}/a\.mcap must be in a store .*annot connect'):
-        find([f'http://127.0.0.1:{port}/a.mcap'])

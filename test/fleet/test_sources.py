@@ -12,7 +12,6 @@ import pytest
 from simulation.pendulums import swing
 
 from lip_id_ros.errors import ConfigError, SourceError
-from lip_id_ros.files import SCRATCH
 from lip_id_ros.fleet import sources, stored_files
 from lip_id_ros.fleet.sources import find, StoredRecording
 from lip_id_ros.fleet.stored_files import ATTEMPTS, fetch, StoredFile
@@ -113,32 +112,6 @@ def test_fingerprints_follow_the_content(bags: Path) -> None:
     assert renamed.fingerprint == changed[str(path)]
 
 
-def test_a_bag_that_is_linked_into_a_folder_is_found(bags: Path, tmp_path: Path) -> None:
-    """By the folder, and by patterns; a link back to the folder has no end, and does no harm."""
-    fleet = tmp_path / 'fleet'
-    fleet.mkdir()
-    (fleet / 'linked').symlink_to(bags / 'arm1/run')
-    (fleet / 'again').symlink_to(fleet)
-    for pattern in (f'{fleet}/linked', f'{fleet}/l*', f'{fleet}/**', str(fleet)):
-        found = find([pattern])
-        assert [(each.name, each.is_folder) for each in found] == [(f'{fleet}/linked', True)]
-    assert found[0].fingerprint == find([f'{bags}/arm1/run'])[0].fingerprint
-
-
-def test_a_link_has_the_fingerprint_of_its_file(bags: Path, tmp_path: Path) -> None:
-    path, link = bags / 'alone.mcap', tmp_path / 'link.mcap'
-    link.symlink_to(path)
-    os.utime(link, ns=(1, 1), follow_symlinks=False)
-
-    def marks() -> list[str]:
-        return [find([str(each)])[0].fingerprint for each in (path, link)]
-
-    before = marks()
-    os.utime(path, ns=(2, 2))
-    after = marks()
-    assert before[0] == before[1] != after[0] == after[1]
-
-
 def test_recordings_of_a_store_are_those_of_the_disk(bags: Path) -> None:
     store = 'memory:///bags'
     upload(bags, store)
@@ -234,19 +207,3 @@ def test_a_copy_that_does_not_fit_is_refused(monkeypatch: pytest.MonkeyPatch) ->
         found.local(),
     ):
         pass
-
-
-def test_copies_of_killed_processes_are_removed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr('tempfile.tempdir', str(tmp_path))
-    monkeypatch.setattr('lip_id_ros.files.SWEEP_AFTER_S', -1.0)
-    left = tmp_path / f'{SCRATCH}left'
-    left.mkdir()
-    (left / 'run.mcap').touch()
-    fsspec.filesystem('memory').pipe_file('/small/run.mcap', b'bytes')
-    (found,) = find(['memory://small'])
-    with found.local() as path, found.local() as other:
-        assert not left.exists()
-        assert Path(path).read_bytes() == Path(other).read_bytes() == b'bytes'
-    assert list(tmp_path.iterdir()) == []

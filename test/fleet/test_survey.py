@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from recording.bag_files import PLUGINS, ROS2
 from rosbags import rosbag2
 
-from lip_id_ros.dataset import cutoffs_hz, Dataset
+from lip_id_ros.dataset import Dataset
 from lip_id_ros.fleet.survey import (
     joint_order,
     mean_temperature,
@@ -121,13 +121,6 @@ def test_a_reservoir_has_the_signs_that_friction_is_fitted_with() -> None:
     np.testing.assert_array_equal(some.low_passed_sign, expected[:, ::-1])
     without = reservoir_data(survey_of(motion, 'cell', 'robot'), motion.joint_names)
     assert without.low_passed_sign is None
-
-
-def test_a_long_provenance_keeps_that_nothing_was_filtered() -> None:
-    settings = {'preprocessing': {'cutoff_hz': 4.0}, 'filtered': False, 'notes': ['long'] * 10_000}
-    motion = replace(data(), provenance={'sources': [settings]})
-    some = reservoir_data(survey_of(motion, 'cell', 'robot'), motion.joint_names)
-    assert cutoffs_hz(some.provenance) == cutoffs_hz(motion.provenance) == {0.0}
 
 
 def test_the_order_of_surveys_plays_no_role() -> None:

@@ -95,7 +95,8 @@ def begin(client: Client) -> None:
 
 def begin_to_move(client: Client) -> None:
     begin(client)
-    client.status('excite', lambda status: status['stage'] == 'moving')
+    now = client.status('excite', lambda status: status['stage'] in ('moving', 'stopped'))
+    assert now['stage'] == 'moving', now
     client.wait_until(lambda: np.abs(position(client)).max() > 0.01, 'a motion')
 
 
@@ -190,7 +191,7 @@ def test_a_joint_that_stands_still_in_a_small_motion_is_told(ros: Ros, tmp_path:
 
 def test_an_arm_that_falls_silent_stops_the_motion(ros: Ros, tmp_path: Path) -> None:
     _, client = ros
-    arm = started(ros, tmp_path, stale_timeout_s=0.5)
+    arm = started(ros, tmp_path, stale_timeout_s=3.0)
     begin_to_move(client)
     arm.hold()
     ended = client.status('excite', lambda status: status['stage'] == 'stopped')
@@ -225,12 +226,12 @@ def test_a_controller_that_does_not_answer_a_cancel_is_told(ros: Ros, tmp_path: 
 
 def test_an_arm_whose_place_is_not_known_now_does_not_move(ros: Ros, tmp_path: Path) -> None:
     _, client = ros
-    arm = started(ros, tmp_path, confirm=True, stale_timeout_s=0.5)
+    arm = started(ros, tmp_path, confirm=True, stale_timeout_s=3.0)
     begin(client)
     client.status('excite', lambda status: status['stage'] == 'waiting for confirm')
     arm.hold()
     silent_since, states = time.monotonic(), client.received['/joint_states']
-    client.wait_until(lambda: time.monotonic() - silent_since > 1.0, 'silence')
+    client.wait_until(lambda: time.monotonic() - silent_since > 4.0, 'silence')
     assert client.trigger('/excite/confirm').success
     ended = client.status('excite', lambda status: status['stage'] == 'stopped')
     assert 'no joint state of shoulder for' in ended['summary']
@@ -373,7 +374,7 @@ def test_two_controllers_of_one_action_are_refused(ros: Ros, tmp_path: Path) -> 
 
 def test_a_killed_arm_ends_in_a_sentence(ros: Ros, tmp_path: Path) -> None:
     _, client = ros
-    arm = started(ros, tmp_path, stale_timeout_s=0.5)
+    arm = started(ros, tmp_path, stale_timeout_s=3.0)
     begin_to_move(client)
     arm.send(signal.SIGKILL)
     ended = client.status('excite', lambda status: status['stage'] == 'stopped')

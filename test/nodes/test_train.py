@@ -182,7 +182,7 @@ def test_what_was_recorded_outlives_fits_that_fail(ros: Ros, tmp_path: Path) -> 
     train = graph.start('train', record_on_start=True, model_path='absent/model.npz')
     answer = client.trigger('/train/fit')
     assert not answer.success
-    assert answer.message.startswith('model_path must lie in a folder that exists, but ')
+    assert answer.message.startswith('model_path: absent/model.npz cannot be written ')
     assert client.set_parameter('train', 'model_path', 'model.npz').successful
     publish_motion(client, 300)
     client.status('train', lambda status: status['rows'] == 300)

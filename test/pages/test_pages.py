@@ -9,7 +9,6 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 import json
 import os
 from pathlib import Path
-import subprocess
 import sys
 from threading import Thread
 from typing import Any
@@ -36,18 +35,6 @@ ROOT = Path(__file__).resolve().parents[2]
 BROWSER = Path(__file__).with_name('browser.py')
 WITHOUT_A_WINDOW = {'QT_QPA_PLATFORM': 'offscreen', 'QTWEBENGINE_DISABLE_SANDBOX': '1'}
 LABELS = Labels('Title', ['Beware.'], [('recording', 'a' * 200)])
-
-
-@pytest.fixture(autouse=True, scope='module')
-def browser() -> None:
-    """Look for the browser in a process of its own, which Qt may end."""
-    program = 'import PySide6.QtWebEngineWidgets'
-    tried = subprocess.run(
-        [sys.executable, '-c', program], capture_output=True, text=True, check=False
-    )
-    if tried.returncode != 0:
-        reason = (tried.stderr.strip().splitlines() or ['it does not start'])[-1]
-        pytest.skip(f'needs a browser; make setup brings PySide6_WebEngine: {reason}')
 
 
 def seen(page: Path, url: str = '') -> dict[str, Any] | None:
@@ -130,23 +117,6 @@ def test_the_page_of_a_fleet_counts(tmp_path: Path, count: int, robot: str, summ
     assert found is not None
     assert found['summary'] == summary
     assert found['console'] == []
-
-
-def test_the_browser_tells_what_is_wrong_with_a_page(tmp_path: Path) -> None:
-    page = tmp_path / 'index.html'
-    page.write_text(
-        '<img src="data:image/png;base64,iVBORw0KGgo="><img src="http://example.org/a.png">'
-        '<link rel="stylesheet" href="https://example.org/a.css">'
-        '<div style="width: 3000px">wide</div><script>nothing.there</script>'
-    )
-    found = seen(page)
-
-    assert found is not None
-    assert [image['shown'] for image in found['images']] == [False, False]
-    assert sorted(found['refused']) == ['http://example.org/a.png', 'https://example.org/a.css']
-    assert 'nothing is not defined' in found['console'][0]
-    assert found['overflow'] > 1000
-    assert seen(tmp_path / 'none.html') is None
 
 
 class Silent(SimpleHTTPRequestHandler):

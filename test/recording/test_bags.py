@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import os
 from pathlib import Path
 import sqlite3
@@ -74,25 +72,3 @@ def test_what_a_killed_write_left_is_removed_by_the_next(tmp_path: Path) -> None
     write_mcap(target, [TRACK])
     assert not left.exists()
     assert sorted(tmp_path.iterdir()) == [foreign, target]
-
-
-def test_a_bag_is_written_where_there_are_no_locks(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def unsupported(file: object, operation: int) -> None:
-        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
-
-    monkeypatch.setattr(fcntl, 'flock', unsupported)
-    write_mcap(tmp_path / 'a.mcap', [TRACK])
-    assert [path.name for path in tmp_path.iterdir()] == ['a.mcap']
-
-
-def test_mcap_keeps_links_and_modes(tmp_path: Path) -> None:
-    target, link = tmp_path / 'a.mcap', tmp_path / 'link.mcap'
-    target.touch(mode=0o600)
-    link.symlink_to(target)
-    write_mcap(link, [TRACK])
-    assert link.is_symlink()
-    assert target.stat().st_mode & 0o777 == 0o600
-    with Bag(target) as bag:
-        assert [topic.count for topic in bag.topics] == [3]

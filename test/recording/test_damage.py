@@ -6,7 +6,6 @@ from collections.abc import Callable
 import os
 from pathlib import Path
 import shutil
-import sqlite3
 import struct
 import subprocess
 import sys
@@ -19,8 +18,6 @@ import pytest
 from recording.bag_files import (
     damage,
     moving,
-    State,
-    STEP_NS,
     write_file,
     write_folder,
     write_mcap,
@@ -200,30 +197,6 @@ def test_metadata_of_any_nonsense(tmp_path: Path, text: str) -> None:
     assert samples.notes[0].startswith('metadata.yaml cannot be read (')
 
 
-def test_absurd_numbers_in_a_message(tmp_path: Path) -> None:
-    states = moving(100)
-    tiny = 5e-324
-    states[10] = State(10 * STEP_NS, position=(1e300, 0.0))
-    states[11] = State(11 * STEP_NS, velocity=(float('nan'), 0.0))
-    states[12] = State(12 * STEP_NS, effort=(float('-inf'), 0.0))
-    states[13] = State(13 * STEP_NS, position=(tiny, -tiny), effort=(1.0, tiny))
-    states[14] = State(14 * STEP_NS, position=(0.5,))
-    states[15] = State(15 * STEP_NS, velocity=(0.5,))
-    samples = read_bag(write_folder(tmp_path / 'bag', states))
-    assert samples.n_samples == 95
-    assert samples.counts == {
-        Reason.ABSURD: 1,
-        Reason.NOT_FINITE: 2,
-        Reason.POSITION_LENGTH: 1,
-        Reason.VELOCITY_LENGTH: 1,
-    }
-    np.testing.assert_array_equal(samples.position[10], [0.0, 0.0])
-    assert samples.notes == (
-        'some values of shoulder are not finite',
-        '3 denormal values (memory never filled in) were read as 0',
-    )
-
-
 def test_ros1_bag_that_is_still_active(tmp_path: Path) -> None:
     path = write_ros1(tmp_path / 'a.bag', moving(COUNT), chunk_bytes=20_000)
     os.truncate(path, path.stat().st_size // 2)
@@ -267,35 +240,12 @@ def test_empty_path_is_not_the_current_folder() -> None:
             read('')
 
 
-def test_view_in_place_of_a_table_is_refused(tmp_path: Path) -> None:
-    path = write_file(tmp_path / 'a', moving(5), '.db3')
-    with sqlite3.connect(path) as database:
-        database.execute('ALTER TABLE messages RENAME TO others')
-        database.execute('CREATE VIEW messages AS SELECT * FROM others')
-    with pytest.raises(SourceError, match="its 'messages' is no table"):
-        read_bag(path)
-
-
 def test_journal_of_an_unfinished_write_is_noted(tmp_path: Path) -> None:
     path = write_file(tmp_path / 'a', moving(20), '.db3')
     (path.parent / f'{path.name}-journal').write_bytes(b'\xd9\xd5\x05\xf9\x20\xa1\x63\xd7' * 100)
     samples = read_bag(path)
     assert samples.n_samples == 20
     assert samples.notes == ('a.db3: a.db3-journal is left of a write that was never finished',)
-
-
-def test_only_some_of_very_many_topics_are_described(tmp_path: Path) -> None:
-    states = [*moving(3)] + [State(STEP_NS, topic=f'/t{k}') for k in range(100)]
-    description = describe(write_mcap(tmp_path / 'a.mcap', states))
-    assert len(description['topics']) == 101
-    assert len(description['recordings']) == 32
-    assert '/joint_states' in {each['topic'] for each in description['recordings']}
-    assert description['notes'] == [
-        'of 101 topics with joint samples the 32 with most messages were read.'
-    ]
-    with pytest.raises(SourceError, match=r'/t1 \(.*, \d+ more; choose one') as caught:
-        read_bag(write_mcap(tmp_path / 'b.mcap', states[3:]))
-    assert len(str(caught.value)) < 3000
 
 
 ROOT = Path(__file__).resolve().parents[2]

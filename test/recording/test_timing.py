@@ -92,14 +92,6 @@ def test_whatever_the_stamps_all_messages_are_kept_or_counted(stamps: list[int])
     assert (np.diff(timeline.stamps_ns) > 0).all()
 
 
-@given(st.permutations(range(60)))
-def test_any_order_at_all_gives_stamps_that_were_there(order: list[int]) -> None:
-    stamps = CLEAN[order]
-    timeline = arrange(stamps)
-    np.testing.assert_array_equal(stamps[timeline.rows], timeline.stamps_ns)
-    assert (timeline.rows.size, timeline.dropped) == (60, {})
-
-
 def test_headers_are_usable_where_they_advance() -> None:
     assert stamps_advance(CLEAN)
     assert stamps_advance(np.repeat(CLEAN, 3))
