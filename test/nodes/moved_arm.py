@@ -82,12 +82,14 @@ class MovedArm(Node):
                 t, rows = np.append(0.0, t), np.concatenate([here, rows])
             self._plan, self._begun = (t, rows), time.monotonic()
         end = self._ends_after or t[-1]
-        while time.monotonic() - self._begun < end:
+        while rclpy.ok() and time.monotonic() - self._begun < end:
             if handle.is_cancel_requested:
                 self._end()  # it may have been cancelled before it began
                 handle.canceled()
                 return FollowJointTrajectory.Result()
             time.sleep(0.02)
+        if not rclpy.ok():
+            return FollowJointTrajectory.Result()
         if not self._ends_after:
             with self._lock:
                 self._plan, self._q = None, rows[-1, 0]
