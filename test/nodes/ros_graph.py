@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, ExitStack
 import json
 import os
 from pathlib import Path
@@ -271,6 +271,7 @@ class Graph:
             'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')]),
         }
         self.processes: list[Process] = []
+        self.ends = ExitStack()
         self.context = Context()
 
     def start(self, module: str, **parameters: Any) -> Process:
@@ -302,6 +303,7 @@ class Graph:
 
     def _keep(self, process: Process) -> Process:
         self.processes.append(process)
+        self.ends.callback(process.end)  # each ends, even where another does not
         return process
 
     def start_installed(self, package: str, name: str, arguments: list[str]) -> Process:
@@ -321,12 +323,8 @@ def graph(folder: Path) -> Iterator[Ros]:
     """Give a graph and a client that is spun in a thread; end all processes afterwards."""
     with free_domain() as domain:
         made = Graph(folder, domain)
-        with spinning(made) as client:
-            try:
-                yield made, client
-            finally:
-                for process in made.processes:
-                    process.end()
+        with spinning(made) as client, made.ends:
+            yield made, client
 
 
 @contextmanager
