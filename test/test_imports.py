@@ -147,6 +147,7 @@ FOREIGN = {
     'std_msgs': ROS,
     'std_srvs': ROS,
     'trajectory_msgs': ROS,
+    'unique_identifier_msgs': ROS,
 }
 
 MODULES = sorted(SOURCES.rglob('*.py'))

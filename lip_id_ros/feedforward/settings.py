@@ -140,11 +140,15 @@ class ServeSettings(Settings):
     )
     max_plan_points: int = setting(
         10_000,
-        'Longest plan that is answered; longer ones are refused. Plans of more than about a '
-        'hundred points, and all where overload_policy is not cut, are computed in a process '
-        'beside the stream.',
+        'Longest plan that is answered; longer ones are refused. A thousand points take about 10 '
+        'ms, in which no stream is answered.',
         minimum=1,
-        maximum=100_000,
+        maximum=10_000,
+    )
+    refine_plans: bool = setting(
+        True,
+        'Add points to plans, on the way that the controller takes between theirs, where it would '
+        'interpolate efforts badly. Without them the status warns of plans that are too sparse.',
     )
     overload_policy: str = setting(
         'cut',
@@ -180,8 +184,7 @@ class ServeSettings(Settings):
     )
     std_rate_hz: float = setting(
         5.0,
-        'How often standard deviations are computed, at most; each takes milliseconds of a '
-        'process of its own.',
+        'How often standard deviations are computed, at most.',
         unit='Hz',
         minimum=0.1,
         maximum=1000.0,

@@ -23,8 +23,9 @@ from lip_id_ros.excitation.rounds import Measured, MotionRequest, MotionWatch, N
 from lip_id_ros.excitation.settings import RoundSettings
 from lip_id_ros.excitation.trajectory_file import writer_for
 from lip_id_ros.nodes import qos, running
+from lip_id_ros.nodes.controller import LONGEST_ANSWER_S
 from lip_id_ros.nodes.description import Description
-from lip_id_ros.nodes.motion_goal import HaltError, LONGEST_ANSWER_S, MotionGoal
+from lip_id_ros.nodes.motion_goal import HaltError, MotionGoal
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.running import outcome
 from lip_id_ros.nodes.trainer import Trainer

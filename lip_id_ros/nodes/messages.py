@@ -6,7 +6,7 @@ from array import array
 from collections.abc import Mapping, Sequence
 import json
 import math
-from typing import Any, Protocol
+from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -16,25 +16,15 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.signals.joints import PlannedPoint, Refusal, RefusedError
+from lip_id_ros.feedforward.server import Server
+from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.status import Status
 from lip_id_ros.signals.trajectory_header import read_header
 
-
-class Filler(Protocol):
-    """What answers plans: an arm of `serve`, or its server."""
-
-    def time_scale(self, names: Sequence[str], points: Sequence[PlannedPoint]) -> float:
-        """Return the factor on the times of a plan."""
-
-    def plan(self, names: Sequence[str], points: Sequence[PlannedPoint]) -> Array:
-        """Return the efforts of a plan."""
-
-
 NANOSECONDS = 1_000_000_000
 
-MOST_SECONDS = 2**31 - 1
-"""Of a Duration."""
+MOST_SECONDS = 2.0**31
+"""Beyond those of a Duration."""
 
 
 def stamp_at(nanoseconds: int) -> Time:
@@ -75,49 +65,32 @@ def plan_message(
     """Return states (N, n) of joints, at times (N,) from the start [s], as a trajectory."""
     message = JointTrajectory(joint_names=list(names))
     for at, *values in zip(t, q, dq, ddq, strict=True):
-        sec, nanosec = divmod(round(NANOSECONDS * at), NANOSECONDS)
-        point = JointTrajectoryPoint(time_from_start=Duration(sec=sec, nanosec=nanosec))
+        point = JointTrajectoryPoint(time_from_start=_duration(at))
         point.positions, point.velocities, point.accelerations = map(doubles, values)
         message.points.append(point)
     return message
 
 
-def with_effort(plan: JointTrajectory, tau: Array) -> JointTrajectory:
-    """Fill torques (points, joints) [N m or N] in the order of its joint_names into a plan."""
-    for point, effort in zip(plan.points, tau, strict=True):
-        point.effort = doubles(effort)
-    return plan
-
-
-def slow_down(plan: JointTrajectory, scale: float) -> JointTrajectory:
+def filled_plan(asked: JointTrajectory, server: Server, **options: Any) -> JointTrajectory:
     """
-    Give a plan `scale` times its time on the same way; it is changed and returned.
+    Return a plan with efforts, and with the points and the times that `serve` gives it.
 
-    RefusedError if a message cannot hold its end: the seconds would begin at the least again.
-
+    `options`: of `Server.plan`. RefusedError if it cannot be filled.
     """
-    if plan.points and scale * (plan.points[-1].time_from_start.sec + 1) > MOST_SECONDS:
+    found = server.plan(asked.joint_names, asked.points, **options)
+    if found.plan.t[-1] >= MOST_SECONDS:
         raise RefusedError(Refusal.OVERLOAD)
-    for point in plan.points:
-        after = point.time_from_start
-        later = round(scale * (NANOSECONDS * after.sec + after.nanosec))
-        after.sec, after.nanosec = divmod(later, NANOSECONDS)
-        point.velocities = doubles(np.asarray(point.velocities) / scale)
-        point.accelerations = doubles(np.asarray(point.accelerations) / scale**2)
-    return plan
-
-
-def filled(plan: JointTrajectory, arm: Filler) -> JointTrajectory:
-    """
-    Return a plan with efforts, slowed down where the policy of `serve` asks for that.
-
-    RefusedError if it cannot be filled; it is changed otherwise.
-
-    """
-    scale = arm.time_scale(plan.joint_names, plan.points)
-    if scale > 1.0:
-        slow_down(plan, scale)
-    return with_effort(plan, arm.plan(plan.joint_names, plan.points))
+    message = JointTrajectory(header=asked.header, joint_names=list(found.plan.joint_names))
+    for at, states, tau in zip(
+        found.plan.t, found.plan.states.swapaxes(0, 1), found.tau, strict=True
+    ):
+        point = JointTrajectoryPoint(time_from_start=_duration(at), effort=doubles(tau))
+        n_given = 3 - int(np.isnan(states[:, 0]).sum())
+        fields = ('positions', 'velocities', 'accelerations')[:n_given]
+        for field, values in zip(fields, states[:n_given], strict=True):
+            setattr(point, field, doubles(values))
+        message.points.append(point)
+    return message
 
 
 def count_points(raw: bytes) -> int:
@@ -161,6 +134,11 @@ def statistics_message(stamp: Time, values: Mapping[str, float]) -> Statistics:
         Statistic(name=name, value=value) for name, value in values.items() if math.isfinite(value)
     ]
     return message
+
+
+def _duration(seconds: float) -> Duration:
+    sec, nanosec = divmod(round(NANOSECONDS * seconds), NANOSECONDS)
+    return Duration(sec=sec, nanosec=nanosec)
 
 
 def _text(value: Any) -> str:

@@ -94,7 +94,7 @@ def _type_name(message: Any) -> str:
 
 def several_publishers(node: Node, topic: str) -> list[str]:
     """Describe the publishers of a topic, by its full name, if there is more than one."""
-    names = [each.node_name for each in node.get_publishers_info_by_topic(topic)]
-    if len(names) < 2:
+    if node.count_publishers(topic) < 2:  # a tenth of the time
         return []
+    names = [each.node_name for each in node.get_publishers_info_by_topic(topic)]
     return [f'{len(names)} publishers of {topic} may contradict each other: {", ".join(names)}']

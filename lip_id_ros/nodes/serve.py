@@ -10,6 +10,7 @@ import time
 from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
+import rclpy
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -21,7 +22,6 @@ from lip_id_ros.feedforward.loading import (
     LoadedModel,
     require_payload,
     require_rules,
-    stop,
 )
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import (
@@ -41,6 +41,9 @@ from lip_id_ros.signals.status import Status
 from lip_id_ros.signals.torque_steps import DESCRIBED, require_limits
 
 WATCH_PERIOD_S = 0.02
+
+LAST_ANSWER_S = 3.0
+"""A node that ends waits so long for controllers: `launch` kills it after 10 s."""
 
 
 class ServeNode(NodeBase, LifecycleNode):
@@ -65,10 +68,18 @@ class ServeNode(NodeBase, LifecycleNode):
             self._start()
 
     def stop(self) -> None:
-        """Release the robot and end the lifecycle."""
+        """Release the robot and end the lifecycle, once controllers have cancelled goals."""
+        self._inputs.release_goals()
+        self._await_cancels()
         if self._state_label != 'finalized':
             self.trigger_shutdown()
+        self._inputs.destroy()
         self._pool.shutdown()
+
+    def _await_cancels(self) -> None:
+        until = time.monotonic() + LAST_ANSWER_S
+        while not self._inputs.is_settled and time.monotonic() < until:
+            rclpy.spin_once(self, timeout_sec=WATCH_PERIOD_S)
 
     def warnings(self) -> list[str]:
         """Describe what is wrong around the node, several publishers of one topic too."""
@@ -79,10 +90,8 @@ class ServeNode(NodeBase, LifecycleNode):
         level, summary = self._server.judge(self._failure, time.monotonic())
         if self._server.active and (warning := unbounded(self._settings())):
             summary = f'{summary}; {warning}'
-        waiting = {'waiting': self._inputs.n_waiting, 'goals': self._inputs.goals.values()}
-        return Status(
-            level, summary, {'state': self._state_label, **waiting, **self._server.values()}
-        )
+        values = {'state': self._state_label, 'goals': self._inputs.goals.values()}
+        return Status(level, summary, {**values, **self._server.values()})
 
     @property
     def _state_label(self) -> str:
@@ -150,7 +159,6 @@ class ServeNode(NodeBase, LifecycleNode):
 
     def _serve(self, loaded: LoadedModel, settings: ServeSettings) -> None:
         self._loaded = loaded
-        self._inputs.use(loaded, settings)
         if self._server.active:
             self._server.use(loaded, settings)
 
@@ -189,12 +197,13 @@ class ServeNode(NodeBase, LifecycleNode):
         """Load the model; after a failure the node stays unconfigured and its status has why."""
         settings = self._settings()
         try:
-            self._inputs.configure(settings)
             self._models = load_models(settings, None)
             self._loaded = self._models[settings.payload]
             for loaded in self._models.values():
                 require_rules(settings, loaded)
-            self._inputs.use(self._loaded, settings)
+            self._outputs.configure(settings, self._loaded.joint_names)
+            self._inputs.configure(settings)
+            self._inputs.adjust(settings)
         except (LipIdError, OSError) as error:
             self._failure = f'not configured: {one_line(error)}'
             self.get_logger().error(self._failure)
@@ -203,7 +212,6 @@ class ServeNode(NodeBase, LifecycleNode):
         self._failure = ''
         self._listen(settings)
         self._n_configured += 1
-        self._outputs.configure(settings, self._loaded.joint_names)
         joints = ', '.join(self._loaded.joint_names)
         self.get_logger().info(f'serves {settings.model_path}: {joints}')
         return super().on_configure(state)
@@ -264,7 +272,6 @@ class ServeNode(NodeBase, LifecycleNode):
         self._starting = False
         self._inputs.clean_up()
         self._outputs.clean_up()
-        stop(self._models)
         self._models, self._loaded = {}, None
 
     # services
@@ -309,25 +316,18 @@ class ServeNode(NodeBase, LifecycleNode):
             raise LipIdError('there is no model to replace; configure the node instead.')
         models = await outcome(self, self._pool.submit(load_models, settings, before))
         if self._loaded is None or self._n_configured != configured:
-            stop(models)
             raise LipIdError(
                 'the node was cleaned up while the model was loaded; call reload_model again.'
             )
-        try:
-            for loaded in models.values():
-                require_rules(self._settings(), loaded)
-        except LipIdError:
-            stop(models)
-            raise
-        # another reload may have been faster: its models are replaced then
-        replaced, now = self._models, self._settings()
+        now = self._settings()
+        for loaded in models.values():
+            require_rules(now, loaded)
         self._models = models
         if now.payload not in models:  # changed meanwhile to one that was not to be loaded
             self.get_logger().warning(f'no payload: {now.payload} is not loaded any more')
             self.set_parameters([Parameter('payload', value='')])
             now = self._settings()
         self._serve(models[now.payload], now)
-        self._pool.submit(stop, replaced)
         return f'serves {settings.model_path}'
 
 

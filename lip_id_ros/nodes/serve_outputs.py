@@ -63,6 +63,15 @@ class Outputs:
             self._add(Statistics, MEASURED_TOPICS[2])
             self._add(JointState, RESIDUAL_TOPIC)
 
+    def topics(self) -> set[str]:
+        """Return the full names of topics of torques and plans."""
+        return {self._plan.topic_name, *self.commands()}
+
+    def commands(self) -> set[str]:
+        """Return the full names of topics of torques."""
+        publishers = [self._torque, *filter(None, [self._optional.get('commands')])]
+        return {publisher.topic_name for publisher in publishers}
+
     def clean_up(self) -> None:
         """Destroy what `configure` made, after subscribers have its last messages."""
         self._await_delivery()
@@ -116,10 +125,6 @@ class Outputs:
 
     def plan(self, plan: JointTrajectory) -> None:
         """Publish a plan with efforts."""
-        self._plan.publish(plan)
-
-    def raw_plan(self, plan: bytes) -> None:
-        """Publish a plan with efforts that is serialised already."""
         self._plan.publish(plan)
 
     def components(self, stamp: Time, predicted: Prediction) -> None:

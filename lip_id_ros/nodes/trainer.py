@@ -12,7 +12,8 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from lip_id_ros.nodes import messages, qos
-from lip_id_ros.nodes.motion_goal import HaltError, LONGEST_ANSWER_S, Until
+from lip_id_ros.nodes.controller import LONGEST_ANSWER_S
+from lip_id_ros.nodes.motion_goal import HaltError, Until
 from lip_id_ros.nodes.node import NodeBase
 
 
