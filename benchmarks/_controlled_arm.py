@@ -118,13 +118,13 @@ class Client:
         """Follow a reference from rest, with the torques of `serve` by default; return figures."""
         t, states = reference(amplitude, self._horizon)
         self._rest(states[0][0])
-        plan = messages.plan_message(JOINTS, t, *states)
         self._states.clear()
         self._measured.clear()
         if feedforward is None:
-            self._filled.publish(plan)
+            self._filled.publish(messages.plan_message(JOINTS, t, *states))
         else:
-            self._direct.publish(messages.with_effort(plan, feedforward(*states)))
+            tau = feedforward(*states)
+            self._direct.publish(messages.plan_message(JOINTS, t, *states, tau))
         # where the machine is busy, serve fills a plan later
         wait(lambda: self._is_at(states[0][-1]))
         time.sleep(BEHIND_S)
@@ -158,9 +158,9 @@ class Client:
 
     def _rest(self, q: Array) -> None:
         still = np.zeros((1, len(JOINTS)))
-        plan = messages.plan_message(JOINTS, np.array([REST_S]), q[None], still, still)
         gravity = true_arm().torque(q[None], still, still)
-        self._direct.publish(messages.with_effort(plan, gravity))
+        plan = messages.plan_message(JOINTS, np.array([REST_S]), q[None], still, still, gravity)
+        self._direct.publish(plan)
         time.sleep(2.0 * REST_S)
 
     def _on_serve(self, message: DiagnosticStatus) -> None:

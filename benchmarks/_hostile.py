@@ -44,7 +44,7 @@ def counts(name: str, status: Mapping[str, Any]) -> tuple[int, int]:
     used = {key: n for key, n in status.items() if key in USES[name]}
     if name == 'serve':
         received = sum(received.values())
-        used = {**status['answered'], **status['unmeasured'], 'waiting': status['waiting']}
+        used = {**status['answered'], **status['unmeasured']}
     refused = status['rejected' if name == 'train' else 'refused']
     return received, sum(used.values()) + sum(refused.values())
 

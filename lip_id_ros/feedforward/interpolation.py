@@ -158,9 +158,11 @@ def plan_of_points(names: Sequence[str], points: Sequence[PlannedPoint]) -> Plan
     """
     Return the plan of a message of named joints.
 
-    RefusedError if a joint is named twice, there is no point, times do not increase, an array is
+    RefusedError if no joint is named, or one twice, there is no point, times do not increase, an array is
     short, long or not finite, or a point lacks positions, or velocities beside accelerations.
     """
+    if not names:
+        raise RefusedError(Refusal.MISSING_JOINT)
     if len(set(names)) != len(names):
         raise RefusedError(Refusal.REPEATED_NAME)
     if not points:

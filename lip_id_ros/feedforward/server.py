@@ -126,10 +126,9 @@ class ServedArm:
         """
         if len(points) > self.shaper.rules.max_plan_points:
             raise RefusedError(Refusal.TOO_LONG)
-        asked = plan_of_points(names, points)
         if not set(names) <= set(self.joint_names):
             raise RefusedError(Refusal.FOREIGN_JOINT)
-        plan = completed(asked, self.joint_names, here)
+        plan = completed(plan_of_points(names, points), self.joint_names, here)
         plan = plan.slowed(self._time_scale(plan))
         begins_here = plan.t[0] > LEAST_BEGIN_S
         if begins_here and here is not None:

@@ -60,13 +60,24 @@ def joint_state_message(
 
 
 def plan_message(
-    names: Sequence[str], t: Array, q: Array, dq: Array, ddq: Array
+    names: Sequence[str], t: Array, q: Array, dq: Array, ddq: Array, tau: Array | None = None
 ) -> JointTrajectory:
-    """Return states (N, n) of joints, at times (N,) from the start [s], as a trajectory."""
+    """
+    Return states (N, n) of joints, at times (N,) from the start [s], as a trajectory.
+
+    Velocities and accelerations that are nan are left out. `tau`: efforts (N, n) [N m or N].
+    """
     message = JointTrajectory(joint_names=list(names))
-    for at, *values in zip(t, q, dq, ddq, strict=True):
-        point = JointTrajectoryPoint(time_from_start=_duration(at))
-        point.positions, point.velocities, point.accelerations = map(doubles, values)
+    for row, at in enumerate(t.tolist()):
+        sec, nanosec = divmod(round(NANOSECONDS * at), NANOSECONDS)
+        point = JointTrajectoryPoint(time_from_start=Duration(sec=sec, nanosec=nanosec))
+        point.positions = doubles(q[row])
+        if not np.isnan(dq[row]).any():
+            point.velocities = doubles(dq[row])
+        if not np.isnan(ddq[row]).any():
+            point.accelerations = doubles(ddq[row])
+        if tau is not None:
+            point.effort = doubles(tau[row])
         message.points.append(point)
     return message
 
@@ -80,16 +91,9 @@ def filled_plan(asked: JointTrajectory, server: Server, **options: Any) -> Joint
     found = server.plan(asked.joint_names, asked.points, **options)
     if found.plan.t[-1] >= MOST_SECONDS:
         raise RefusedError(Refusal.OVERLOAD)
-    message = JointTrajectory(header=asked.header, joint_names=list(found.plan.joint_names))
-    for at, states, tau in zip(
-        found.plan.t, found.plan.states.swapaxes(0, 1), found.tau, strict=True
-    ):
-        point = JointTrajectoryPoint(time_from_start=_duration(at), effort=doubles(tau))
-        n_given = 3 - int(np.isnan(states[:, 0]).sum())
-        fields = ('positions', 'velocities', 'accelerations')[:n_given]
-        for field, values in zip(fields, states[:n_given], strict=True):
-            setattr(point, field, doubles(values))
-        message.points.append(point)
+    plan, (q, dq, ddq) = found.plan, found.plan.states
+    message = plan_message(plan.joint_names, plan.t, q, dq, ddq, found.tau)
+    message.header = asked.header
     return message
 
 
@@ -134,11 +138,6 @@ def statistics_message(stamp: Time, values: Mapping[str, float]) -> Statistics:
         Statistic(name=name, value=value) for name, value in values.items() if math.isfinite(value)
     ]
     return message
-
-
-def _duration(seconds: float) -> Duration:
-    sec, nanosec = divmod(round(NANOSECONDS * seconds), NANOSECONDS)
-    return Duration(sec=sec, nanosec=nanosec)
 
 
 def _text(value: Any) -> str:

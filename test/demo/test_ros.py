@@ -22,7 +22,6 @@ from examples.demo.served import (
     JOINT_STATES,
     KINETIC,
     make_plan,
-    N_POINTS,
     outcome_of,
     PLAN_WITH_EFFORT,
     POTENTIAL,
@@ -84,7 +83,7 @@ def served_messages(exact: Dataset, measured: Dataset) -> dict[str, list[Any]]:
         content[POTENTIAL].append(Float64(data=float(exact.potential[row]) + 7.0))
     plan = make_plan(1)
     content[REFERENCE].append(plan)
-    content[PLAN_WITH_EFFORT].append(messages.with_effort(plan, np.zeros((N_POINTS, 7))))
+    content[PLAN_WITH_EFFORT].append(plan)
     return content
 
 
