@@ -114,7 +114,9 @@ class Goals:
                 goal.trajectory, self._server, now=now, speed=self._speed
             )
         except RefusedError as refused:
-            self._node.warn_of_refusal(refused)
+            # the action has no place for a reason
+            reason = refused.reason
+            self._node.warn(f'goal: {reason}', f'refused a goal ({reason}): {refused}')
             self._counts.refused[refused.reason.value] += 1
             return GoalResponse.REJECT
         except Exception as error:

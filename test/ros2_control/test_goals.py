@@ -481,6 +481,33 @@ def test_a_goal_ends_when_its_controller_is_killed(
         sender.destroy()
 
 
+def test_a_controller_that_was_lost_cancels_its_goal_once_it_is_back(
+    tmp_path: Path, model_path: str, parameters: Path
+) -> None:
+    """As where a link is down for longer than the middleware waits: the arm went on."""
+    with served(tmp_path, parameters, model_path) as control:
+        control.use('arm')
+        sender = Sender(control)
+        states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+        handle = sender.send(goal((1.0, 1.0), seconds=600.0))
+        wait_for(control, states, lambda state: state.reference.velocities[0] > 0.0)
+        control.process.hold()
+        try:
+            ending, result = sender.result(handle)
+            assert ending == 'aborted'
+            assert 'is asked to cancel the goal until it answers' in result.error_string
+            assert control.client.transition(Transition.TRANSITION_DEACTIVATE)
+            assert control.client.transition(Transition.TRANSITION_CLEANUP)
+            told = 'whether it cancels a goal, and is asked again and again'
+            control.client.status('serve', lambda status: told in status['summary'])
+        finally:
+            control.process.send(signal.SIGCONT)
+        hear_until_now(control, states)
+        control.client.wait_until(lambda: not any(states[-1].reference.velocities), 'standstill')
+        control.client.status('serve', lambda status: told not in status['summary'])
+        sender.destroy()
+
+
 GIVE_A_GOAL = """
 import sys
 import time
