@@ -158,8 +158,9 @@ def plan_of_points(names: Sequence[str], points: Sequence[PlannedPoint]) -> Plan
     """
     Return the plan of a message of named joints.
 
-    RefusedError if no joint is named, or one twice, there is no point, times do not increase, an array is
-    short, long or not finite, or a point lacks positions, or velocities beside accelerations.
+    RefusedError if no joint is named, or one twice, there is no point, times do not increase, an
+    array is short, long or not finite, or a point lacks positions, or velocities beside
+    accelerations.
     """
     if not names:
         raise RefusedError(Refusal.MISSING_JOINT)

@@ -26,7 +26,7 @@ import psutil
 from rclpy.action import ActionClient, ActionServer, CancelResponse
 from rclpy.serialization import serialize_message
 from ros2_control.arm import commanded, Control, hear_until_now, plan, served, times
-from ros2_control.test_plans import states_of, wait_for
+from ros2_control.test_plans import at_speed, states_of, wait_for
 
 from benchmarks._mock_controller import GAINS
 from lip_id_ros.feedforward.goals import ErrorCode
@@ -128,6 +128,24 @@ def test_a_goal_is_executed_with_its_efforts(control: Control, sender: Sender) -
     assert moving
     largest = max(abs(commanded(state)).max() for state in moving)
     assert largest > 5.0  # N m, of the plan's efforts; those without it are zero
+
+
+def test_efforts_of_a_goal_are_those_of_the_speed_at_which_it_begins(
+    tmp_path: Path, model_path: str
+) -> None:
+    with at_speed(0.3, tmp_path, model_path) as control:
+        sender, states = Sender(control), states_of(control, 'arm')
+        handle = sender.send(goal((1.0, 0.5), seconds=1.0))
+        wait_for(control, states, lambda state: state.reference.positions[0] > 0.3)
+        moving = [state for state in list(states) if any(state.reference.accelerations)]
+        for state in moving:
+            ddq = 0.09 * np.array(state.reference.accelerations)
+            expected = toy.torque(np.array(state.reference.positions), ddq)
+            np.testing.assert_allclose(commanded(state), expected, atol=0.5)
+        assert len(moving) > 10
+        sender.cancel(handle)
+        assert sender.result(handle)[0] == 'canceled'
+        sender.destroy()
 
 
 def test_at_its_end_the_controller_holds_the_last_point(control: Control, sender: Sender) -> None:
