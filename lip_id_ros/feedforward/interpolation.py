@@ -101,12 +101,16 @@ class Plan:
         columns = [self.joint_names.index(name) for name in joint_names]
         return Plan(tuple(joint_names), self.t, self.states[:, :, columns])
 
-    def begun_at(self, here: Array) -> Plan:
-        """Return the plan with a first point at time 0: position and velocity, shape (2, n)."""
-        first = np.full((3, 1, here.shape[1]), np.nan)
-        first[:2, 0] = here
-        states = np.concatenate([first, self.states], axis=1)
-        return Plan(self.joint_names, np.append(0.0, self.t), states)
+    def begun_at(self, position: Array, early_s: float) -> Plan:
+        """Return the plan with points at time 0, at rest at a position (n,), and at `early_s`."""
+        here = np.full((3, 1, len(position)), np.nan)
+        here[0], here[1] = position, 0.0
+        states = np.concatenate([here, self.states], axis=1)
+        whole = Plan(self.joint_names, np.append(0.0, self.t), states)
+        early = _evaluated(whole._coefficients()[:, :1], np.array([early_s]))
+        early[2 - np.isnan(self.states[1, 0]).any() :] = np.nan
+        states = np.concatenate([here, early, self.states], axis=1)
+        return Plan(self.joint_names, np.concatenate([[0.0, early_s], self.t]), states)
 
     def motion(self, step_s: float) -> Motion:
         """

@@ -49,10 +49,11 @@ LARGEST_SPEED = 10.0
 LEAST_SPEED = 1e-3
 """A plan that is slower stands still."""
 
-LEAST_BEGIN_S = 0.2
+LEAST_BEGIN_S, EARLY_S, REST_SPEED = 0.2, 0.05, 0.02
 """
-A plan that begins later has points on the way from where the arm is. In streams of short plans
-that way is a jerk where the arm lags.
+A plan whose first point is reached later than the first [s] gets points on the way there from an
+arm at rest [rad/s or m/s]. The first of them is reached at the second [s]: sooner, or where the
+arm moves, that way would be a jerk by what is not known of its position.
 """
 
 LEAST_SHARE = 0.01
@@ -130,16 +131,16 @@ class ServedArm:
             raise RefusedError(Refusal.FOREIGN_JOINT)
         plan = completed(plan_of_points(names, points), self.joint_names, here)
         plan = plan.slowed(self._time_scale(plan))
-        begins_here = plan.t[0] > LEAST_BEGIN_S
+        begins_here = plan.t[0] > LEAST_BEGIN_S and here is not None and _is_at_rest(here)
         if begins_here and here is not None:
-            plan = plan.begun_at(here)
+            plan = plan.begun_at(here[0], EARLY_S)
 
         def torques(q: Array, dq: Array, ddq: Array, t: Array) -> Array:
             return self._torques(q, speed * dq, speed**2 * ddq, t / max(speed, LEAST_SPEED))
 
         adds, noise = self._settings.refine_plans, self.loaded.model.noise_std
         found = filled(plan, torques, noise, LEAST_SHARE, adds=adds)
-        if begins_here and here is not None:
+        if begins_here:
             found = found.without_first()
         shaped = self.shaper.plan(found.tau, found.plan.t, found.states)
         self._counts['added_points'] += found.added
@@ -207,6 +208,10 @@ class ServedArm:
         self._std = self.loaded.model.standard_deviation(*state[:, np.newaxis]).tau[0]
         self._std_at = now
         return self._std
+
+
+def _is_at_rest(here: Array) -> bool:
+    return bool(np.abs(here[1]).max() < REST_SPEED)
 
 
 class Server:

@@ -148,6 +148,55 @@ def test_efforts_of_a_goal_are_those_of_the_speed_at_which_it_begins(
         sender.destroy()
 
 
+def largest_error(states: list[Any]) -> float:
+    """Of efforts beside those that the motion of the controller's reference needs [N m]."""
+    error = [
+        commanded(state)
+        - toy.torque(np.array(state.reference.positions), np.array(state.reference.accelerations))
+        for state in states
+    ]
+    return float(np.quantile(np.abs(error).max(axis=1), 0.9))  # but for some near the points
+
+
+@pytest.mark.parametrize('given', [3, 2])
+def test_a_goal_of_one_point_has_the_efforts_of_its_motion(
+    control: Control, sender: Sender, given: int
+) -> None:
+    """Two points at rest had 0.4 N m at both ends, where the motion needs 18.5."""
+    control.use_anew('arm')
+    states = states_of(control, 'arm')
+    asked = goal((0.4, -0.3), seconds=0.5, n_points=2)
+    for point in asked.trajectory.points:
+        point.accelerations = point.accelerations if given > 2 else []
+    assert len(asked.trajectory.points) == 1
+    assert sender.run(asked)[0] == 'succeeded'
+    moving = [state for state in list(states) if any(state.reference.velocities)]
+    needed = max(
+        np.abs(
+            toy.torque(
+                np.array(state.reference.positions), np.array(state.reference.accelerations)
+            )
+        ).max()
+        for state in moving
+    )
+    assert len(moving) > 15
+    assert largest_error(moving) < 0.15 * needed
+    (serve,) = [control.client.status('serve', lambda status: status['added_points'] > 0)]
+    assert serve['sparse_plans'] == 0
+
+
+def test_a_goal_of_some_joints_holds_the_others(control: Control, sender: Sender) -> None:
+    control.use_anew('arm')
+    assert sender.run(goal((0.0, 0.0)))[0] == 'succeeded'
+    states = states_of(control, 'arm')
+    asked = FollowJointTrajectory.Goal(trajectory=plan((0.4,), n_points=11))
+    asked.trajectory.joint_names = ['elbow']
+    assert sender.run(asked)[0] == 'succeeded'
+    wait_for(control, states, lambda state: is_at(states, [0.0, 0.4]))
+    moving = [state for state in list(states) if any(state.reference.velocities)]
+    assert largest_error(moving) < 1.0
+
+
 def test_at_its_end_the_controller_holds_the_last_point(control: Control, sender: Sender) -> None:
     control.use('arm')
     states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
