@@ -110,7 +110,11 @@ class ServedArm:
         query = self.loaded.query(state, now)
         std = self._new_deviation(state, now)
         checked = None if self.shaper.rules.std_policy is Policy.OFF else self._std
-        tau = self.shaper.sample(self._with_gravity(query), now, state, checked)
+        if self.shaper.rules.friction:
+            wanted = self._with_gravity(query)
+        else:
+            wanted = self._torques(*state[:, np.newaxis])[0]
+        tau = self.shaper.sample(wanted, now, state, checked)
         return ServedTorque(tau, query, state, std)
 
     def plan(
@@ -171,8 +175,14 @@ class ServedArm:
     def _scaled(self, q: Array, dq: Array, ddq: Array, t: Array) -> Array:
         return self.shaper.rules.scale * self._torques(q, dq, ddq, t)
 
-    def _torques(self, q: Array, dq: Array, ddq: Array, t: Array) -> Array:
-        return self._with_gravity(self.loaded.newest.predict(q, dq, ddq, t))
+    def _torques(self, q: Array, dq: Array, ddq: Array, t: Array | None = None) -> Array:
+        found = self.loaded.newest.predict(q, dq, ddq, t)
+        if self.shaper.rules.friction:
+            return self._with_gravity(found)
+        rigid = found.inertial + found.coriolis
+        if self.shaper.rules.gravity:
+            rigid = rigid + found.gravity
+        return self.loaded.model.efforts(rigid)
 
     def safe_torque(self, position: Array | None, now: float) -> Array:
         """Return the torque of an arm without references, last seen here, shape (n,)."""

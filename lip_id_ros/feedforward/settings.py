@@ -118,6 +118,9 @@ class ServeSettings(Settings):
         maximum=60.0,
     )
     gravity: bool = setting(True, 'Torques include gravity; false where the robot adds its own.')
+    friction: bool = setting(
+        True, 'Torques include friction; false where the drives compensate their own.'
+    )
     stale_timeout_s: float = setting(
         0.5,
         'Longest silence of a stream before a safe torque is published; 0 for any.',
@@ -286,6 +289,7 @@ class Rules:
     ramp_s: float
     safe_ramp_s: float
     gravity: bool
+    friction: bool
     stale_timeout_s: float
     safe_value: SafeValue
     max_plan_points: int
@@ -301,6 +305,7 @@ class Rules:
         return (
             self.scale == other.scale
             and self.gravity == other.gravity
+            and self.friction == other.friction
             and self.range_policy == other.range_policy
             and self.std_policy == other.std_policy
             and np.array_equal(self.margins, other.margins)
@@ -328,6 +333,7 @@ def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
         ramp_s=settings.ramp_s,
         safe_ramp_s=settings.safe_ramp_s,
         gravity=settings.gravity,
+        friction=settings.friction,
         stale_timeout_s=settings.stale_timeout_s or np.inf,
         safe_value=SafeValue(settings.stale_policy),
         max_plan_points=settings.max_plan_points,

@@ -38,10 +38,18 @@ desired_trajectory: a lost plan is a robot that does not move. Deep, so that a b
 loses no plan; with 100, a tenth of a second on a loaded machine did.
 """
 
-OUTPUT = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1000
+COMMAND = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1
 )
-"""Torques and energies: reliable, so that any subscriber matches; as deep as references."""
+"""
+Torques: the newest counts. It has no lifespan, since the last zero must reach a controller however
+late that is.
+"""
+
+OUTPUT = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=100
+)
+"""What is recorded and plotted, and plans: reliable, so that any subscriber matches."""
 
 CALLS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1000

@@ -13,6 +13,7 @@ import numpy as np
 from pal_statistics_msgs.msg import Statistics
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
@@ -37,7 +38,7 @@ class Outputs:
 
     def __init__(self, node: LifecycleNode) -> None:
         self._node = node
-        self._torque = self._publisher(JointState, '~/feedforward_torque')
+        self._torque = self._publisher(JointState, '~/feedforward_torque', qos.COMMAND)
         self._kinetic = self._publisher(Float64, '~/kinetic_energy')
         self._potential = self._publisher(Float64, '~/potential_energy')
         self._energies = self._publisher(Statistics, '~/energies')
@@ -52,7 +53,7 @@ class Outputs:
         order = settings.joints or joint_names
         self._of_commands = [joint_names.index(name) for name in order]
         if settings.publish_commands:
-            self._add(Float64MultiArray, 'commands')
+            self._add(Float64MultiArray, 'commands', qos.COMMAND)
         for topic in COMPONENT_TOPICS if settings.publish_parts else ():
             self._add(JointState, topic)
         if settings.publish_std:
@@ -138,11 +139,11 @@ class Outputs:
             message = messages.torque_message(stamp, self._message.name, tau)
             self._optional[topic].publish(message)
 
-    def _add(self, kind: Any, name: str) -> None:
-        self._optional[name] = self._publisher(kind, f'~/{name}')
+    def _add(self, kind: Any, name: str, profile: QoSProfile = qos.OUTPUT) -> None:
+        self._optional[name] = self._publisher(kind, f'~/{name}', profile)
 
-    def _publisher(self, kind: Any, topic: str) -> Any:
-        return self._node.create_lifecycle_publisher(kind, topic, qos.OUTPUT)
+    def _publisher(self, kind: Any, topic: str, profile: QoSProfile = qos.OUTPUT) -> Any:
+        return self._node.create_lifecycle_publisher(kind, topic, profile)
 
 
 def _publish_finite(publisher: Any, value: float) -> None:

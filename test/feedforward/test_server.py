@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from adaptation.arms import known_model, with_friction
-from feedforward.arms import arm, NAMES, point
+from feedforward.arms import arm, NAMES, point, Sum
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -212,6 +212,20 @@ def test_gravity_is_left_out_where_the_robot_adds_its_own() -> None:
     server = serving(gravity=False)
     np.testing.assert_array_equal(server.sample(NAMES, [POINT], 0.0).tau, TAU - [1, 2])
     np.testing.assert_array_equal(server.plan(NAMES, [POINT], 0.0).tau, [TAU - [1, 2]])
+
+
+@pytest.mark.parametrize('gravity', [True, False])
+def test_friction_is_left_out_where_the_drives_compensate_it(gravity: bool) -> None:
+    dry = replace(arm(), model=Sum(dry=7.0))
+    wanted = TAU - (0.0 if gravity else np.array([1.0, 2.0]))
+    for friction in (True, False):
+        settings = ServeSettings(gravity=gravity, friction=friction, **PLAIN)
+        server = Server()
+        server.use(dry, settings)
+        server.enable()
+        expected = wanted + 7.0 * friction
+        np.testing.assert_array_equal(server.sample(NAMES, [POINT], 0.0).tau, expected)
+        np.testing.assert_array_equal(server.plan(NAMES, [POINT], 0.0).tau, [expected])
 
 
 def test_the_scale_is_one_of_gravity_too() -> None:
