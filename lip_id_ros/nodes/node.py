@@ -153,7 +153,8 @@ class NodeBase(Node):
         return super().create_subscription(msg_type, topic, guarded, profile, **options)
 
     def create_service(self, srv_type: Any, srv_name: str, callback: Any, **options: Any) -> Any:
-        """Create a guarded service."""
+        """Create a guarded service that loses no call."""
+        options.setdefault('qos_profile', qos.CALLS)
         return super().create_service(srv_type, srv_name, self._guarded(callback), **options)
 
     def create_timer(

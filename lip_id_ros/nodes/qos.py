@@ -47,7 +47,7 @@ CALLS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1000
 )
 """
-Services of actions: a request or an answer that finds the queue full is lost, and a goal with it.
+Services: a request or an answer that finds the queue full is lost, and with it a goal or a stop.
 The usual depth of 10 lost most of 70 that came at once.
 """
 
