@@ -65,7 +65,7 @@ class Deviations:
             raise ModelError(
                 'the model must have standard deviations, but the process that computes them '
                 f'ended or was not ready within {LONGEST_START_S:g} s; see the lines above, or '
-                'leave std_policy and publish_std off.'
+                'have std_policy ignore them, and publish_std false.'
             )
         threading.Thread(target=self._collect, name='deviations', daemon=True).start()
 

@@ -170,7 +170,7 @@ class ServedArm:
         if deviations is None:
             return None
         deviations.offer(state, tag, now, self._std_period_s)
-        if self.shaper.rules.std_policy is Policy.OFF:
+        if self.shaper.rules.std_policy is Policy.IGNORE:
             return None
         return deviations.std(now, self._std_period_s)
 

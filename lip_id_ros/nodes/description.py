@@ -47,7 +47,7 @@ class Description:
 
     def torque_limits(self, joints: Sequence[str]) -> tuple[float, ...]:
         """Return the limits of joints [N m or N], and log them; DataError if one lacks."""
-        text = self.require('torque_limits', 'give numbers')
+        text = self.require('torque_limits_from', 'give torque_limits')
         limits = effort_limits(text, self._place, joints)
         found = ', '.join(
             f'{joint} {limit:g}' for joint, limit in zip(joints, limits, strict=True)

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
-from lip_id_ros.errors import LipIdError
+from lip_id_ros.errors import ConfigError, LipIdError
 from lip_id_ros.nodes import messages, parameters, qos
 from lip_id_ros.settings import Row
 from lip_id_ros.signals.joints import HARMLESS, RefusedError
@@ -40,14 +40,15 @@ class NodeBase(Node):
     success. Refusals are not such exceptions: they are handled where they arise.
 
     The status is latched on ~/status where it changes, and goes to /diagnostics twice a second.
-    InvalidParameterValueException or ConfigError if a parameter is given that is wrong or unknown.
+    `**options`: those of `rclpy.node.Node`, of every node of the package too. ConfigError if a
+    parameter is given that is wrong or unknown.
     """
 
     faults = n_callbacks = 0
     last_fault = ''
 
-    def __init__(self, name: str, table: Mapping[str, Row]) -> None:
-        super().__init__(name)
+    def __init__(self, name: str, table: Mapping[str, Row], **options: Any) -> None:
+        super().__init__(name, **{'enable_logger_service': True, **options})
         self._table = table
         self._logged: dict[str, float] = {}
         parameters.declare(self, table)
@@ -89,11 +90,18 @@ class NodeBase(Node):
     def set_parameters_atomically(
         self, parameter_list: Sequence[Parameter]
     ) -> SetParametersResult:
-        """Set parameters; one that there is not is refused by its name, which rclpy leaves out."""
+        """Set parameters in the types of their rows; a refusal names the parameter."""
         for each in parameter_list:
             if not self.has_parameter(each.name):
                 return parameters.refused(parameters.unknown(each.name, self._table))
-        return super().set_parameters_atomically(parameter_list)
+        try:
+            typed = [
+                parameters.typed(self._table[each.name], each) if each.name in self._table else each
+                for each in parameter_list
+            ]
+        except ConfigError as error:
+            return parameters.refused(error)
+        return super().set_parameters_atomically(typed)
 
     def values(self) -> dict[str, Any]:
         """Return the present value of every parameter."""

@@ -38,7 +38,7 @@ from lip_id_ros.nodes.serve_inputs import Inputs
 from lip_id_ros.nodes.serve_outputs import Outputs
 from lip_id_ros.settings import parameters_of
 from lip_id_ros.signals.status import Status
-from lip_id_ros.signals.torque_steps import DESCRIBED, require_limits
+from lip_id_ros.signals.torque_steps import LimitsFrom, require_limits
 
 WATCH_PERIOD_S = 0.02
 
@@ -46,8 +46,8 @@ WATCH_PERIOD_S = 0.02
 class ServeNode(NodeBase, LifecycleNode):
     """Managed node: a model is loaded on configure, references are answered while active."""
 
-    def __init__(self) -> None:
-        super().__init__('serve', parameters_of(ServeSettings))
+    def __init__(self, **options: Any) -> None:
+        super().__init__('serve', parameters_of(ServeSettings), **options)
         self._server = Server()
         self._models: dict[str, LoadedModel] = {}
         self._loaded: LoadedModel | None = None
@@ -129,7 +129,7 @@ class ServeNode(NodeBase, LifecycleNode):
     def check_change(self, values: Mapping[str, Any]) -> None:
         """Refuse what would have no effect now, or does not fit the arm."""
         before = self._settings()
-        settings = self._in_numbers(replace(before, **values))
+        settings = self._in_numbers(ServeSettings(**{**self.values(), **values}))
         require_changeable(before, settings, self._state_label)
         require_rules(settings, self._loaded)
         if self._server.active:
@@ -158,20 +158,21 @@ class ServeNode(NodeBase, LifecycleNode):
         return self._in_numbers(ServeSettings(**self.values()))
 
     def _in_numbers(self, settings: ServeSettings) -> ServeSettings:
-        if settings.torque_limits == DESCRIBED and self._limits:
-            return replace(settings, torque_limits=self._limits)
-        return settings
+        if settings.torque_limits_from != LimitsFrom.DESCRIPTION:
+            return settings
+        return replace(settings, torque_limits=self._limits)
 
     def _read_limits(self, joint_names: Sequence[str]) -> ServeSettings:
         self._limits = ()
         settings = self._settings()
         self._listen(settings)
-        if settings.torque_limits == DESCRIBED and self._description:
+        if settings.torque_limits_from == LimitsFrom.DESCRIPTION and self._description:
             self._limits = self._description.torque_limits(settings.joints or joint_names)
         return self._in_numbers(settings)
 
     def _listen(self, settings: ServeSettings) -> None:
-        if settings.torque_limits == DESCRIBED and self._description is None:
+        described = settings.torque_limits_from == LimitsFrom.DESCRIPTION
+        if described and self._description is None:
             self._description = Description(self, settings.robot_description, self._go_on)
 
     # lifecycle
@@ -214,7 +215,7 @@ class ServeNode(NodeBase, LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         try:
             settings = self._read_limits(self._loaded.joint_names)
-            require_limits(settings.torque_limits)
+            require_limits('torque_limits', settings.torque_limits, settings.torque_limits_from)
         except LipIdError as error:
             self._failure = f'not activated: {error}'
             self.get_logger().error(self._failure)

@@ -85,7 +85,7 @@ def test_an_unknown_deviation_is_beyond_the_limit(tmp_path: Path) -> None:
         std_policy='zero',
         std_limits=(1e9,),
         ramp_s=0.0,
-        range_policy='off',
+        range_policy='ignore',
     )
     arm = load_model(settings, ())
     assert arm.deviations is not None

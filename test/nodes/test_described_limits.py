@@ -60,12 +60,12 @@ def test_serve_takes_the_limits_of_the_topic_when_it_is_activated(
     ros: Ros, panda_path: str
 ) -> None:
     graph, client = ros
-    limits = {'torque_limits': 'robot_description', 'rate_limits': [1e9]}
+    limits = {'torque_limits_from': 'robot_description', 'rate_limits': [1e9]}
     serve = start_serve(graph, model_path=panda_path, **limits)
     torques = client.listen(JointState, TORQUE)
     missing = (
-        'not activated: a URDF was expected on /robot_description (torque_limits), but none has '
-        'come; start robot_state_publisher, or give numbers.'
+        'not activated: a URDF was expected on /robot_description (torque_limits_from), but none '
+        'has come; start robot_state_publisher, or give torque_limits.'
     )
     status = client.status('serve', lambda status: status['summary'] == missing)
     assert status['state'] == 'inactive'
@@ -85,14 +85,16 @@ def test_serve_takes_the_limits_of_the_topic_when_it_is_activated(
     assert answer(client, torques) == LIMITS
 
     descriptions.publish(described(_12='7', _87='8'))  # moves no limit of an active node
-    (result,) = client.set_parameters('serve', torque_limits='robot_description')
+    (result,) = client.set_parameters('serve', torque_limits_from='robot_description')
     assert result.successful
     assert answer(client, torques) == LIMITS
     assert client.trigger('/serve/reload_model').success
     client.set_parameter('serve', 'torque_limits', [3.0])
+    assert answer(client, torques) == LIMITS  # they come from the URDF
+    client.set_parameter('serve', 'torque_limits_from', 'parameters')
     assert answer(client, torques) == [3.0, 3.0]
     assert client.transition(Transition.TRANSITION_DEACTIVATE)
-    client.set_parameter('serve', 'torque_limits', 'robot_description')
+    client.set_parameter('serve', 'torque_limits_from', 'robot_description')
     assert client.transition(Transition.TRANSITION_ACTIVATE)
     assert answer(client, torques) == [7.0, 8.0]
     assert 'another URDF came on /robot_description: limits of torques stay' in serve.log
@@ -108,7 +110,7 @@ def test_a_long_plan_has_the_limits_of_the_urdf_that_is_in_force(
 ) -> None:
     """It is answered in a process of its own, which gets the settings of the activation too."""
     graph, client = ros
-    limits = {'torque_limits': 'robot_description', 'rate_limits': [1e9]}
+    limits = {'torque_limits_from': 'robot_description', 'rate_limits': [1e9]}
     start_serve(graph, model_path=panda_path, **limits)
     plans = client.listen(JointTrajectory, '/serve/trajectory_with_effort')
     descriptions = client.speak(String, TOPIC, qos.LATCHED)
@@ -137,17 +139,17 @@ def test_an_active_node_reads_no_limits(ros: Ros, panda_path: str) -> None:
     start_serve(graph, model_path=panda_path, torque_limits=[5.0], rate_limits=[1e9])
     torques = client.listen(JointState, TORQUE)
     client.status('serve', lambda status: status['state'] == 'active')
-    result = client.set_parameter('serve', 'torque_limits', 'robot_description')
+    result = client.set_parameter('serve', 'torque_limits_from', 'robot_description')
     assert result.reason == (
-        'torque_limits must be numbers here, but is robot_description, which is read only when '
-        'torques begin; deactivate the node first.'
+        'torque_limits_from must not be robot_description here, which is read only when torques '
+        'begin; deactivate the node first.'
     )
     assert answer(client, torques) == [5.0, 5.0]
 
 
 def test_the_parameter_is_a_description_too(ros: Ros, panda_path: str) -> None:
     graph, client = ros
-    given = {'torque_limits': 'robot_description', 'robot_description': described().data}
+    given = {'torque_limits_from': 'robot_description', 'robot_description': described().data}
     start_serve(graph, model_path=panda_path, rate_limits=[1e9], **given)
     torques = client.listen(JointState, TORQUE)
     client.status('serve', lambda status: status['state'] == 'active')

@@ -130,7 +130,7 @@ def test_both_nodes_of_two_arms_share_a_graph(ros: Ros, model_path: str, tmp_pat
     parameters = tmp_path / 'arm.yaml'
     parameters.write_text(
         '/**/train: {ros__parameters: {record_on_start: true}}\n'
-        '/**/serve: {ros__parameters: {torque_limits: none, ramp_s: 0.0, '
+        '/**/serve: {ros__parameters: {torque_limits_from: none, ramp_s: 0.0, '
         'joints: [elbow, shoulder]}}\n'
     )
 

@@ -145,7 +145,7 @@ def test_parameters_are_refused_when_they_are_set(ros: Ros, model_path: str) -> 
         reason('ramp_s', -1.0) == 'Parameter ramp_s out of range Min: 0.0, Max: 60.0, value: -1.0'
     )
     assert reason('ramp_s', 'long') == "ramp_s must be a number >= 0 and <= 60 s, not 'long'."
-    assert 'range_policy must be a text off or warn or scale or zero' in reason(
+    assert 'range_policy must be a text ignore or warn or scale or zero' in reason(
         'range_policy', 'panic'
     )
     assert reason('rate_limits', [1.0, math.nan]).startswith('rate_limits must be a list of')
