@@ -95,10 +95,7 @@ class NodeBase(Node):
             if not self.has_parameter(each.name):
                 return parameters.refused(parameters.unknown(each.name, self._table))
         try:
-            typed = [
-                parameters.typed(self._table[each.name], each) if each.name in self._table else each
-                for each in parameter_list
-            ]
+            typed = [parameters.typed(self._table, each) for each in parameter_list]
         except ConfigError as error:
             return parameters.refused(error)
         return super().set_parameters_atomically(typed)

@@ -51,7 +51,7 @@ def declare(node: Node, table: Mapping[str, Row]) -> None:
     # set and not declared: rclpy would declare an empty list as one of bytes
     node.set_parameters_atomically(
         [
-            _initial(row, given.get(name) or Parameter(name, value=row.default))
+            _initial(table, given.get(name) or Parameter(name, value=row.default))
             for name, row in table.items()
         ]
     )
@@ -59,20 +59,22 @@ def declare(node: Node, table: Mapping[str, Row]) -> None:
         node.describe_parameter(name).read_only = row.applies == AT_START
 
 
-def _initial(row: Row, parameter: Parameter) -> Parameter:
+def _initial(table: Mapping[str, Row], parameter: Parameter) -> Parameter:
     """Return a value from a file or the command line, where an empty list has no type."""
-    if parameter.value is None and row.kind.startswith('list'):
+    if parameter.value is None and table[parameter.name].kind.startswith('list'):
         parameter = Parameter(parameter.name, value=[])
-    return typed(row, parameter)
+    return typed(table, parameter)
 
 
-def typed(row: Row, parameter: Parameter) -> Parameter:
+def typed(table: Mapping[str, Row], parameter: Parameter) -> Parameter:
     """
-    Return a parameter in the type of its row; ConfigError if its value is not allowed.
+    Return a parameter in the type of its row, if any; ConfigError if its value is not allowed.
 
     To ROS a whole number is no double, and an empty list is one of bytes or booleans.
     """
-    value = parameter.value
+    row, value = table.get(parameter.name), parameter.value
+    if row is None:
+        return parameter
     # a refusal would print an array as such
     value = row.check(value.tolist() if isinstance(value, array) else value, parameter.name)
     kind = TYPES[row.kind]

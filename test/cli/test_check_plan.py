@@ -141,9 +141,7 @@ def test_a_weight_that_is_too_large(
 def test_parameters_without_numbers(
     workshop: Workshop, here: Path, largest: list[float], capsys: Capture, limits: str
 ) -> None:
-    (here / 'serve.yaml').write_text(
-        f'/**/serve:\n  ros__parameters:\n    {limits}\n'
-    )
+    (here / 'serve.yaml').write_text(f'/**/serve:\n  ros__parameters:\n    {limits}\n')
     assert main(['check-plan', str(workshop.model), 'plan.yaml', '--params', 'serve.yaml']) == 1
     assert 'torque_limits in serve.yaml must be numbers here' in capsys.readouterr().err
 

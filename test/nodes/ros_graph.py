@@ -274,7 +274,7 @@ class Graph:
         self.context = Context()
 
     def start(self, module: str, **parameters: Any) -> Process:
-        """Start a node with parameters; `__` in a name stands for a dot. Serve activates itself."""
+        """Start a node, `serve` active, with parameters; `__` in a name stands for a dot."""
         if module == 'serve':
             parameters = {'autostart': True, **parameters}
         arguments = []

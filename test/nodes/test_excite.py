@@ -475,7 +475,7 @@ def test_what_is_missing_is_named(ros: Ros, tmp_path: Path) -> None:
     graph, _ = ros
     for parameters, sentence in (
         ({}, 'controller_action must be the action'),
-        ({'controller_action': ACTION}, 'effort_limits must hold the largest of each joint or one for all'),
+        ({'controller_action': ACTION}, 'effort_limits must hold the largest of each joint'),
         ({'controller_action': ACTION, 'motion_path': 'm.txt'}, 'm.txt ends otherwise; name'),
     ):
         process = graph.start('excite', **parameters)
