@@ -41,6 +41,7 @@ from lip_id_ros.signals.status import Status
 from lip_id_ros.signals.torque_steps import LimitsFrom, require_limits
 
 WATCH_PERIOD_S = 0.02
+SUCCESS = TransitionCallbackReturn.SUCCESS
 
 
 class ServeNode(NodeBase, LifecycleNode):
@@ -54,15 +55,14 @@ class ServeNode(NodeBase, LifecycleNode):
         self._failure = ''
         self._description: Description | None = None
         self._limits: tuple[float, ...] = ()  # of the description, while active
-        self._starting = False
         self._n_configured = 0
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix='loading')
         self._outputs = Outputs(self)
         self._inputs = Inputs(self, self._server, self._outputs)
         self._make_services()
         self._guard_transitions()
-        if self._settings().autostart:
-            self._start()
+        if self._settings().autostart and self.trigger_configure() == SUCCESS:
+            self.trigger_activate()
 
     def stop(self) -> None:
         """Release the robot and end the lifecycle."""
@@ -173,18 +173,9 @@ class ServeNode(NodeBase, LifecycleNode):
     def _listen(self, settings: ServeSettings) -> None:
         described = settings.torque_limits_from == LimitsFrom.DESCRIPTION
         if described and self._description is None:
-            self._description = Description(self, settings.robot_description, self._go_on)
+            self._description = Description(self, settings.robot_description)
 
     # lifecycle
-
-    def _start(self) -> None:
-        self._starting = self.trigger_configure() == TransitionCallbackReturn.SUCCESS
-        self._go_on()
-
-    def _go_on(self) -> None:
-        """Activate at the start, if need be once a URDF comes."""
-        if self._starting and self._state_label == 'inactive':
-            self.trigger_activate()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Load the model; after a failure the node stays unconfigured and its status has why."""
@@ -220,7 +211,7 @@ class ServeNode(NodeBase, LifecycleNode):
             self._failure = f'not activated: {error}'
             self.get_logger().error(self._failure)
             return TransitionCallbackReturn.FAILURE
-        self._failure, self._starting = '', False
+        self._failure = ''
         if warning := unbounded(settings):
             self.get_logger().warning(warning)
         self._server.use(self._loaded, settings)
@@ -262,7 +253,6 @@ class ServeNode(NodeBase, LifecycleNode):
         self._limits = ()
 
     def _forget(self) -> None:
-        self._starting = False
         self._inputs.clean_up()
         self._outputs.clean_up()
         stop(self._models)

@@ -13,6 +13,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('pinocchio', reason='needs the URDF of the demo (the extra sim)')
 
 from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from nodes.test_serve import point, REFERENCE, start_serve, TORQUE, trajectory
 import numpy as np
 from sensor_msgs.msg import JointState
@@ -31,7 +32,7 @@ pytestmark = pytest.mark.ros
 JOINTS = ('panda_joint5', 'panda_joint2')
 LIMITS = [12.0, 87.0]
 STRONG = trajectory(JOINTS, point([0.0, 0.0], [0.0, 0.0], [1e3, -1e3]))
-TOPIC = '/robot_description'
+FROM, TOPIC = 'robot_description', '/robot_description'
 
 
 def described(**efforts: str) -> String:
@@ -60,7 +61,7 @@ def test_serve_takes_the_limits_of_the_topic_when_it_is_activated(
     ros: Ros, panda_path: str
 ) -> None:
     graph, client = ros
-    limits = {'torque_limits_from': 'robot_description', 'rate_limits': [1e9]}
+    limits = {'torque_limits_from': FROM, 'rate_limits': [1e9]}
     serve = start_serve(graph, model_path=panda_path, **limits)
     torques = client.listen(JointState, TORQUE)
     missing = (
@@ -77,9 +78,14 @@ def test_serve_takes_the_limits_of_the_topic_when_it_is_activated(
         (described(_12='0'), "joint 'panda_joint5' in /robot_description was expected to be"),
     ):
         descriptions.publish(message)
-        status = client.status('serve', lambda status: sentence in status['summary'])  # noqa: B023
-        assert status['state'] == 'inactive'
-    descriptions.publish(described())  # and it goes on, as autostart asks
+
+        def judged() -> bool:
+            assert not client.transition(Transition.TRANSITION_ACTIVATE)
+            return sentence in client.status('serve', lambda status: True)['summary']  # noqa: B023
+
+        client.wait_until(judged, sentence)
+    descriptions.publish(described())
+    client.wait_until(lambda: client.transition(Transition.TRANSITION_ACTIVATE), 'activation')
     client.status('serve', lambda status: status['summary'] == 'answering')
     assert 'torque_limits of /robot_description: panda_joint5 12, panda_joint2 87' in serve.log
     assert answer(client, torques) == LIMITS
@@ -105,13 +111,27 @@ def test_serve_takes_the_limits_of_the_topic_when_it_is_activated(
     assert result.successful, result.reason
 
 
+def test_activation_waits_for_a_urdf_that_comes_with_it(ros: Ros, panda_path: str) -> None:
+    """A launch starts robot_state_publisher and `serve` at once; the latter may be faster."""
+    graph, client = ros
+    start_serve(graph, model_path=panda_path, autostart=False, torque_limits_from=FROM)
+    assert client.transition(Transition.TRANSITION_CONFIGURE)
+    change = client.node.create_client(ChangeState, '/serve/change_state')
+    activate = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_ACTIVATE))
+    asked = change.call_async(activate)
+    client.node.create_publisher(String, TOPIC, qos.LATCHED).publish(described())
+    client.wait_until(asked.done, 'activation')
+    assert asked.result().success
+
+
 def test_a_long_plan_has_the_limits_of_the_urdf_that_is_in_force(
     ros: Ros, panda_path: str
 ) -> None:
     """It is answered in a process of its own, which gets the settings of the activation too."""
     graph, client = ros
-    limits = {'torque_limits_from': 'robot_description', 'rate_limits': [1e9]}
-    start_serve(graph, model_path=panda_path, **limits)
+    limits = {'torque_limits_from': FROM, 'rate_limits': [1e9]}
+    start_serve(graph, model_path=panda_path, autostart=False, **limits)
+    assert client.transition(Transition.TRANSITION_CONFIGURE)
     plans = client.listen(JointTrajectory, '/serve/trajectory_with_effort')
     descriptions = client.speak(String, TOPIC, qos.LATCHED)
     references = client.speak(JointTrajectory, REFERENCE)
@@ -126,7 +146,7 @@ def test_a_long_plan_has_the_limits_of_the_urdf_that_is_in_force(
         return list(np.abs(plans[-1].points[-1].effort))
 
     descriptions.publish(described())
-    client.status('serve', lambda status: status['state'] == 'active')
+    assert client.transition(Transition.TRANSITION_ACTIVATE)
     assert planned() == LIMITS
     assert client.transition(Transition.TRANSITION_DEACTIVATE)
     descriptions.publish(described(_12='7', _87='8'))
@@ -149,7 +169,7 @@ def test_an_active_node_reads_no_limits(ros: Ros, panda_path: str) -> None:
 
 def test_the_parameter_is_a_description_too(ros: Ros, panda_path: str) -> None:
     graph, client = ros
-    given = {'torque_limits_from': 'robot_description', 'robot_description': described().data}
+    given = {'torque_limits_from': FROM, 'robot_description': described().data}
     start_serve(graph, model_path=panda_path, rate_limits=[1e9], **given)
     torques = client.listen(JointState, TORQUE)
     client.status('serve', lambda status: status['state'] == 'active')
