@@ -71,7 +71,7 @@ class NodeBase(Node):
 
     def warnings(self) -> list[str]:
         """Describe what is wrong around the node, such as publishers that do not fit."""
-        return [*qos.misfits(self), *self._missing_clock()]
+        return [*qos.misfits(self), *qos.without_effect(self), *self._missing_clock()]
 
     def stop(self) -> None:
         """Release the robot and keep the data; the node can still publish."""
@@ -153,9 +153,17 @@ class NodeBase(Node):
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Any, profile: QoSProfile, **options: Any
     ) -> Any:
-        """Create a guarded subscription."""
+        """Create a guarded subscription; ConfigError if its qos_overrides are wrong."""
         guarded = self._guarded(callback)
-        return super().create_subscription(msg_type, topic, guarded, profile, **options)
+        with qos.overriding(self, 'subscription', topic, profile) as given:
+            return super().create_subscription(msg_type, topic, guarded, **given, **options)
+
+    def create_publisher(
+        self, msg_type: Any, topic: str, profile: QoSProfile, **options: Any
+    ) -> Any:
+        """Create a publisher; ConfigError if its qos_overrides are wrong."""
+        with qos.overriding(self, 'publisher', topic, profile) as given:
+            return super().create_publisher(msg_type, topic, **given, **options)
 
     def create_service(self, srv_type: Any, srv_name: str, callback: Any, **options: Any) -> Any:
         """Create a guarded service that loses no call."""
@@ -234,13 +242,15 @@ class NodeBase(Node):
 
     def _check_parameters(self, changed: Sequence[Parameter]) -> SetParametersResult:
         try:
-            self.check_change(parameters.changed_values(self._table, changed))
+            if values := parameters.changed_values(self._table, changed):  # not those of rclpy
+                self.check_change(values)
         except LipIdError as error:
             return parameters.refused(error)
         return SetParametersResult(successful=True)
 
     def _apply_parameters(self, changed: Sequence[Parameter]) -> None:
-        self.apply_change(parameters.changed_values(self._table, changed))
+        if values := parameters.changed_values(self._table, changed):
+            self.apply_change(values)
 
     def _with_faults(self, status: Status) -> Status:
         values = {**status.values, 'faults': self.faults, 'last_fault': self.last_fault}

@@ -16,13 +16,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.nodes import qos
 from lip_id_ros.settings import Row
 from lip_id_ros.settings.settings import AT_START, unknown_name
 
 _LARGEST_INTEGER = 2**63 - 1
-
-QOS = 'qos_overrides.'
-"""How parameters begin that rclpy declares with each topic."""
 
 TYPES = {
     'bool': Parameter.Type.BOOL,
@@ -44,7 +42,7 @@ def declare(node: Node, table: Mapping[str, Row]) -> None:
     """
     given = node._parameter_overrides
     for name in given:
-        if name not in table and not (node.has_parameter(name) or name.startswith(QOS)):
+        if name not in table and not (node.has_parameter(name) or name.startswith(qos.OVERRIDES)):
             raise unknown(name, table)
     types = [(name, TYPES[row.kind], descriptor(row)) for name, row in table.items()]
     node.declare_parameters('', types, ignore_override=True)

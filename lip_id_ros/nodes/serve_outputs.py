@@ -137,7 +137,8 @@ class Outputs:
         self._optional[name] = self._publisher(kind, f'~/{name}')
 
     def _publisher(self, kind: Any, topic: str) -> Any:
-        return self._node.create_lifecycle_publisher(kind, topic, qos.OUTPUT)
+        with qos.overriding(self._node, 'publisher', topic, qos.OUTPUT) as given:
+            return self._node.create_lifecycle_publisher(kind, topic, **given)
 
 
 def _publish_finite(publisher: Any, value: float) -> None:
