@@ -177,7 +177,7 @@ def training_set(
 
     A section that is too short is left out, unless nothing else is there. Bags must have the
     joints of the live recording where the settings name none. `training_share`: first share that
-    `cutoff_hz: auto` may look at; where there is a live recording, it looks at that alone.
+    `cutoff_hz: -1` may look at; where there is a live recording, it looks at that alone.
     LipIdError if a bag cannot be used, or nothing is left.
     """
     report: dict[str, Any] = {}

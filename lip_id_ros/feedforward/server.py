@@ -109,7 +109,7 @@ class ServedArm:
         state = self._order.states(names, points)[:, 0] * speed ** np.arange(3.0)[:, None]
         query = self.loaded.query(state, now)
         std = self._new_deviation(state, now)
-        checked = None if self.shaper.rules.std_policy is Policy.OFF else self._std
+        checked = None if self.shaper.rules.std_policy is Policy.IGNORE else self._std
         if self.shaper.rules.friction:
             wanted = self._with_gravity(query)
         else:

@@ -23,17 +23,18 @@ from lip_id_ros.settings.settings import AT_ONCE, AT_START, ON_CONFIGURE, ON_LOA
 from lip_id_ros.signals.joints import by_joint, require_unique
 from lip_id_ros.signals.torque_steps import (
     DEFAULT_RATE,
-    DESCRIBED,
     limits_in_numbers,
+    LimitsFrom,
     require_limits,
-    UNLIMITED,
 )
+
+OFF = {'off': 'ignore', 'False': 'ignore'}  # as YAML reads off
 
 
 class Policy(StrEnum):
     """What is done with a reference that a check finds doubtful."""
 
-    OFF = 'off'
+    IGNORE = 'ignore'
     WARN = 'warn'
     SCALE = 'scale'
     ZERO = 'zero'
@@ -87,14 +88,21 @@ class ServeSettings(Settings):
         'empty to take any model and its order.',
         applies=ON_CONFIGURE,
     )
-    torque_limits: tuple[float, ...] | str = setting(
+    torque_limits: tuple[float, ...] = setting(
         (),
-        'Largest torque or force; without it the node does not activate. The word none is for no '
-        'limits, robot_description for those of the URDF, read when the node is activated. '
-        f'{PER_JOINT}',
+        f'Largest torque or force; without it the node does not activate. {PER_JOINT}',
         unit='N m or N',
         minimum=0.0,
-        choices=(UNLIMITED, DESCRIBED),
+        old_values={
+            'none': 'torque_limits_from: none',
+            'robot_description': 'torque_limits_from: robot_description',
+        },
+    )
+    torque_limits_from: str = setting(
+        'parameters',
+        'Where limits of torques come from: torque_limits, the URDF, which is read when the node '
+        'is activated, or none for a simulation without limits.',
+        choices=tuple(LimitsFrom),
     )
     robot_description: str = description_setting()
     rate_limits: tuple[float, ...] = setting(
@@ -165,6 +173,7 @@ class ServeSettings(Settings):
         'For references outside the training range: count and warn, scale torques down until '
         'they are zero at twice the range, or make them zero.',
         choices=tuple(Policy),
+        old_values=OFF,
     )
     range_margin: tuple[float, ...] = setting(
         (0.2,),
@@ -173,11 +182,12 @@ class ServeSettings(Settings):
         minimum=0.0,
     )
     std_policy: str = setting(
-        'off',
+        'ignore',
         'For streams with a torque whose standard deviation is above its limit: count and warn, '
         'scale torques down until they are zero at twice the limit, or make them zero.',
         applies=ON_CONFIGURE,
         choices=tuple(Policy),
+        old_values=OFF,
     )
     std_limits: tuple[float, ...] = setting(
         (),
@@ -248,13 +258,17 @@ class ServeSettings(Settings):
     blend_s: float = blend_setting(AT_ONCE)
     adaptation_timeout_s: float = timeout_setting(AT_ONCE)
     adaptation_limit: tuple[float, ...] = limit_setting(AT_ONCE)
-    autostart: bool = setting(True, 'Configure and activate at the start.', applies=AT_START)
+    autostart: bool = setting(
+        False,
+        'Configure and activate at the start, without a launch file that does.',
+        applies=AT_START,
+    )
     executor: str = executor_setting()
 
     @property
     def needs_deviations(self) -> bool:
         """Whether standard deviations are computed at all."""
-        return self.publish_std or self.std_policy != 'off'
+        return self.publish_std or self.std_policy != Policy.IGNORE
 
 
 def require_changeable(before: ServeSettings, after: ServeSettings, state: str) -> None:
@@ -318,10 +332,10 @@ def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
     require_consistent(settings)
 
     def per_joint(name: str, default: float) -> Array:
-        values = limits_in_numbers(getattr(settings, name))
-        return by_joint(name, values, settings.joints, joint_names, default)
+        return by_joint(name, getattr(settings, name), settings.joints, joint_names, default)
 
-    limits = per_joint('torque_limits', np.inf)
+    in_force = limits_in_numbers(settings.torque_limits, settings.torque_limits_from)
+    limits = by_joint('torque_limits', in_force, settings.joints, joint_names, np.inf)
     with np.errstate(over='ignore'):  # limits beyond all numbers leave rates without a bound
         rates = DEFAULT_RATE * limits
     if settings.rate_limits:
@@ -354,7 +368,7 @@ def require_consistent(settings: ServeSettings) -> None:
             'payload_models must name a file each, but one is empty; the empty name is that of '
             'model_path.'
         )
-    if settings.std_policy != Policy.OFF and not settings.std_limits:
+    if settings.std_policy != Policy.IGNORE and not settings.std_limits:
         raise ConfigError(
             'std_limits must hold a largest standard deviation where std_policy is '
             f'{settings.std_policy}, but it is empty; give one per joint or one for all.'
@@ -363,7 +377,7 @@ def require_consistent(settings: ServeSettings) -> None:
 
 def require_bounded(settings: ServeSettings, before: Rules, joint_names: Sequence[str]) -> None:
     """Raise ConfigError for settings that take a limit away from a node that is active."""
-    require_limits(settings.torque_limits)
+    require_limits('torque_limits', settings.torque_limits, settings.torque_limits_from)
     after = make_rules(settings, joint_names)
     for name, old, new in (
         ('torque_limits', before.limits, after.limits),
@@ -378,7 +392,7 @@ def require_bounded(settings: ServeSettings, before: Rules, joint_names: Sequenc
 
 def unbounded(settings: ServeSettings) -> str | None:
     """Return the warning that is due where nothing bounds the size or the step of a torque."""
-    if settings.torque_limits and settings.torque_limits != UNLIMITED:
+    if limits_in_numbers(settings.torque_limits, settings.torque_limits_from):
         return None
     steps = '' if settings.rate_limits else ', and neither are their steps'
     return f'torques are not limited{steps}'

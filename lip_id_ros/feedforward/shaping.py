@@ -136,7 +136,7 @@ class Shaper:
 
     def _range_factors(self, states: Array) -> Array:
         policy = self.rules.range_policy
-        if policy is Policy.OFF:
+        if policy is Policy.IGNORE:
             return np.ones(states.shape[1:-1])
         return factors(policy, self._known.excess(states), self._counts, 'out_of_range')
 

@@ -41,8 +41,8 @@ def watch_period_s(publish_rate_hz: float) -> float:
 class AdaptNode(NodeBase):
     """Follow an arm in a thread beside the executor; LipIdError if the model does not fit."""
 
-    def __init__(self) -> None:
-        super().__init__('adapt', parameters_of(AdaptSettings))
+    def __init__(self, **options: Any) -> None:
+        super().__init__('adapt', parameters_of(AdaptSettings), **options)
         self._live = LiveAdaptation(self._settings(), time.monotonic())
         self._live.begin(time.time())
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix='adaptation')

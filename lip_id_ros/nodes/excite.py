@@ -32,7 +32,7 @@ from lip_id_ros.nodes.trainer import Trainer
 from lip_id_ros.settings import parameters_of
 from lip_id_ros.signals.joints import by_joint
 from lip_id_ros.signals.status import Level, Status
-from lip_id_ros.signals.torque_steps import limits_in_numbers
+from lip_id_ros.signals.torque_steps import limits_in_numbers, require_limits
 
 TICK_S = 0.02
 
@@ -58,8 +58,8 @@ ENDED = Stage.IDLE, Stage.DONE, Stage.STOPPED
 class ExciteNode(NodeBase):
     """Motions, one after the other; ConfigError if a parameter is missing or wrong."""
 
-    def __init__(self) -> None:
-        super().__init__('excite', parameters_of(RoundSettings))
+    def __init__(self, **options: Any) -> None:
+        super().__init__('excite', parameters_of(RoundSettings), **options)
         self._settings = settings = RoundSettings(**self.values())
         _require(settings)
         self._stage, self._sentence = Stage.IDLE, 'call ~/start'
@@ -328,7 +328,7 @@ class ExciteNode(NodeBase):
 
     def _watched(self, motion: NextMotion) -> MotionWatch:
         names, settings = motion.trajectory.joint_names, self._settings
-        limits = limits_in_numbers(settings.effort_limits)
+        limits = limits_in_numbers(settings.effort_limits, settings.effort_limits_from)
         return MotionWatch(
             motion.trajectory,
             by_joint('tracking_tolerance', settings.tracking_tolerance, names, names, np.inf),
@@ -351,8 +351,7 @@ def _require(settings: RoundSettings) -> None:
             'moves the arm; give it.'
         )
     writer_for(settings.motion_path)
-    if settings.effort_limits == ():
-        raise ConfigError('effort_limits must be given: numbers, or the word none for no limits.')
+    require_limits('effort_limits', settings.effort_limits, settings.effort_limits_from)
 
 
 async def _passing(awaited: Any, pending: Future) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from typing import Any
 
 from pal_statistics_msgs.msg import Statistics
 from sensor_msgs.msg import JointState
@@ -23,8 +24,8 @@ from lip_id_ros.signals.status import Status
 class MonitorNode(NodeBase):
     """Publish what the model estimates of each joint state; LipIdError if it does not fit."""
 
-    def __init__(self) -> None:
-        super().__init__('monitor', parameters_of(MonitorSettings))
+    def __init__(self, **options: Any) -> None:
+        super().__init__('monitor', parameters_of(MonitorSettings), **options)
         settings = MonitorSettings(**self.values())
         self._monitor = Monitor(settings)
         self._torque = self.create_publisher(JointState, '~/external_torque', qos.OUTPUT)

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
-from lip_id_ros.errors import LipIdError
+from lip_id_ros.errors import ConfigError, LipIdError
 from lip_id_ros.nodes import messages, parameters, qos
 from lip_id_ros.settings import Row
 from lip_id_ros.signals.joints import HARMLESS, RefusedError
@@ -40,14 +40,15 @@ class NodeBase(Node):
     success. Refusals are not such exceptions: they are handled where they arise.
 
     The status is latched on ~/status where it changes, and goes to /diagnostics twice a second.
-    InvalidParameterValueException or ConfigError if a parameter is given that is wrong or unknown.
+    `**options`: those of `rclpy.node.Node`, of every node of the package too. ConfigError if a
+    parameter is given that is wrong or unknown.
     """
 
     faults = n_callbacks = 0
     last_fault = ''
 
-    def __init__(self, name: str, table: Mapping[str, Row]) -> None:
-        super().__init__(name)
+    def __init__(self, name: str, table: Mapping[str, Row], **options: Any) -> None:
+        super().__init__(name, **{'enable_logger_service': True, **options})
         self._table = table
         self._logged: dict[str, float] = {}
         parameters.declare(self, table)
@@ -70,7 +71,7 @@ class NodeBase(Node):
 
     def warnings(self) -> list[str]:
         """Describe what is wrong around the node, such as publishers that do not fit."""
-        return [*qos.misfits(self), *self._missing_clock()]
+        return [*qos.misfits(self), *qos.without_effect(self), *self._missing_clock()]
 
     def stop(self) -> None:
         """Release the robot and keep the data; the node can still publish."""
@@ -89,11 +90,15 @@ class NodeBase(Node):
     def set_parameters_atomically(
         self, parameter_list: Sequence[Parameter]
     ) -> SetParametersResult:
-        """Set parameters; one that there is not is refused by its name, which rclpy leaves out."""
+        """Set parameters in the types of their rows; a refusal names the parameter."""
         for each in parameter_list:
             if not self.has_parameter(each.name):
                 return parameters.refused(parameters.unknown(each.name, self._table))
-        return super().set_parameters_atomically(parameter_list)
+        try:
+            typed = [parameters.typed(self._table, each) for each in parameter_list]
+        except ConfigError as error:
+            return parameters.refused(error)
+        return super().set_parameters_atomically(typed)
 
     def values(self) -> dict[str, Any]:
         """Return the present value of every parameter."""
@@ -148,12 +153,21 @@ class NodeBase(Node):
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Any, profile: QoSProfile, **options: Any
     ) -> Any:
-        """Create a guarded subscription."""
+        """Create a guarded subscription; ConfigError if its qos_overrides are wrong."""
         guarded = self._guarded(callback)
-        return super().create_subscription(msg_type, topic, guarded, profile, **options)
+        with qos.overriding(self, 'subscription', topic, profile) as given:
+            return super().create_subscription(msg_type, topic, guarded, **given, **options)
+
+    def create_publisher(
+        self, msg_type: Any, topic: str, profile: QoSProfile, **options: Any
+    ) -> Any:
+        """Create a publisher; ConfigError if its qos_overrides are wrong."""
+        with qos.overriding(self, 'publisher', topic, profile) as given:
+            return super().create_publisher(msg_type, topic, **given, **options)
 
     def create_service(self, srv_type: Any, srv_name: str, callback: Any, **options: Any) -> Any:
-        """Create a guarded service."""
+        """Create a guarded service that loses no call."""
+        options.setdefault('qos_profile', qos.CALLS)
         return super().create_service(srv_type, srv_name, self._guarded(callback), **options)
 
     def create_timer(
@@ -228,13 +242,15 @@ class NodeBase(Node):
 
     def _check_parameters(self, changed: Sequence[Parameter]) -> SetParametersResult:
         try:
-            self.check_change(parameters.changed_values(self._table, changed))
+            if values := parameters.changed_values(self._table, changed):  # not those of rclpy
+                self.check_change(values)
         except LipIdError as error:
             return parameters.refused(error)
         return SetParametersResult(successful=True)
 
     def _apply_parameters(self, changed: Sequence[Parameter]) -> None:
-        self.apply_change(parameters.changed_values(self._table, changed))
+        if values := parameters.changed_values(self._table, changed):
+            self.apply_change(values)
 
     def _with_faults(self, status: Status) -> Status:
         values = {**status.values, 'faults': self.faults, 'last_fault': self.last_fault}

@@ -1,5 +1,8 @@
 """Quality of service of every topic, each with its reason."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from copy import copy
 from typing import Any
 
 from rclpy.node import Node
@@ -8,9 +11,13 @@ from rclpy.qos import (
     HistoryPolicy,
     qos_check_compatible,
     QoSCompatibility,
+    QoSPolicyKind,
     QoSProfile,
     ReliabilityPolicy,
 )
+from rclpy.qos_overriding_options import QoSOverridingOptions
+
+from lip_id_ros.errors import ConfigError, one_line
 
 SENSOR_STREAM = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=2000
@@ -55,7 +62,7 @@ CALLS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1000
 )
 """
-Services of actions: a request or an answer that finds the queue full is lost, and a goal with it.
+Services: a request or an answer that finds the queue full is lost, and with it a goal or a stop.
 The usual depth of 10 lost most of 70 that came at once.
 """
 
@@ -71,6 +78,43 @@ DIAGNOSTICS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=10
 )
 """/diagnostics, as everybody else publishes it."""
+
+
+OVERRIDES = 'qos_overrides.'
+"""How parameters begin that change the quality of one topic, as rclpy has them."""
+
+
+@contextmanager
+def overriding(
+    node: Node, entity: str, topic: str, profile: QoSProfile
+) -> Iterator[dict[str, Any]]:
+    """
+    Give the arguments with which a 'publisher' or 'subscription' takes the overrides given for it.
+
+    ConfigError where it cannot be created with them.
+    """
+    prefix = f'{OVERRIDES}{node.resolve_topic_name(topic)}.{entity}.'
+    given = [
+        kind for kind in QoSPolicyKind if prefix + kind.name.lower() in node._parameter_overrides
+    ]
+    try:  # rclpy writes into the profile
+        yield {'qos_profile': copy(profile), 'qos_overriding_options': QoSOverridingOptions(given)}
+    except Exception as error:
+        if not given:
+            raise
+        raise ConfigError(
+            f'{prefix}* must be policies of quality of service, as rclpy names them, but: '
+            f'{one_line(error)}; correct them.'
+        ) from error
+
+
+def without_effect(node: Node) -> list[str]:
+    """Describe overrides of topics, or of policies, that there are not."""
+    return [
+        f'{name} has no effect: the node has no such topic now, or ROS no such policy'
+        for name in node._parameter_overrides
+        if name.startswith(OVERRIDES) and not node.has_parameter(name)
+    ]
 
 
 def misfits(node: Node) -> list[str]:

@@ -38,9 +38,10 @@ from lip_id_ros.nodes.serve_inputs import Inputs
 from lip_id_ros.nodes.serve_outputs import Outputs
 from lip_id_ros.settings import parameters_of
 from lip_id_ros.signals.status import Status
-from lip_id_ros.signals.torque_steps import DESCRIBED, require_limits
+from lip_id_ros.signals.torque_steps import LimitsFrom, require_limits
 
 WATCH_PERIOD_S = 0.02
+SUCCESS = TransitionCallbackReturn.SUCCESS
 
 LAST_ANSWER_S = 3.0
 """A node that ends waits so long for controllers: `launch` kills it after 10 s."""
@@ -49,23 +50,22 @@ LAST_ANSWER_S = 3.0
 class ServeNode(NodeBase, LifecycleNode):
     """Managed node: a model is loaded on configure, references are answered while active."""
 
-    def __init__(self) -> None:
-        super().__init__('serve', parameters_of(ServeSettings))
+    def __init__(self, **options: Any) -> None:
+        super().__init__('serve', parameters_of(ServeSettings), **options)
         self._server = Server()
         self._models: dict[str, LoadedModel] = {}
         self._loaded: LoadedModel | None = None
         self._failure = ''
         self._description: Description | None = None
         self._limits: tuple[float, ...] = ()  # of the description, while active
-        self._starting = False
         self._n_configured = 0
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix='loading')
         self._outputs = Outputs(self)
         self._inputs = Inputs(self, self._server, self._outputs)
         self._make_services()
         self._guard_transitions()
-        if self._settings().autostart:
-            self._start()
+        if self._settings().autostart and self.trigger_configure() == SUCCESS:
+            self.trigger_activate()
 
     def stop(self) -> None:
         """Release the robot and end the lifecycle, once controllers have cancelled goals."""
@@ -138,7 +138,7 @@ class ServeNode(NodeBase, LifecycleNode):
     def check_change(self, values: Mapping[str, Any]) -> None:
         """Refuse what would have no effect now, or does not fit the arm."""
         before = self._settings()
-        settings = self._in_numbers(replace(before, **values))
+        settings = self._in_numbers(ServeSettings(**{**self.values(), **values}))
         require_changeable(before, settings, self._state_label)
         require_rules(settings, self._loaded)
         if self._server.active:
@@ -166,32 +166,24 @@ class ServeNode(NodeBase, LifecycleNode):
         return self._in_numbers(ServeSettings(**self.values()))
 
     def _in_numbers(self, settings: ServeSettings) -> ServeSettings:
-        if settings.torque_limits == DESCRIBED and self._limits:
-            return replace(settings, torque_limits=self._limits)
-        return settings
+        if settings.torque_limits_from != LimitsFrom.DESCRIPTION:
+            return settings
+        return replace(settings, torque_limits=self._limits)
 
     def _read_limits(self, joint_names: Sequence[str]) -> ServeSettings:
         self._limits = ()
         settings = self._settings()
         self._listen(settings)
-        if settings.torque_limits == DESCRIBED and self._description:
+        if settings.torque_limits_from == LimitsFrom.DESCRIPTION and self._description:
             self._limits = self._description.torque_limits(settings.joints or joint_names)
         return self._in_numbers(settings)
 
     def _listen(self, settings: ServeSettings) -> None:
-        if settings.torque_limits == DESCRIBED and self._description is None:
-            self._description = Description(self, settings.robot_description, self._go_on)
+        described = settings.torque_limits_from == LimitsFrom.DESCRIPTION
+        if described and self._description is None:
+            self._description = Description(self, settings.robot_description)
 
     # lifecycle
-
-    def _start(self) -> None:
-        self._starting = self.trigger_configure() == TransitionCallbackReturn.SUCCESS
-        self._go_on()
-
-    def _go_on(self) -> None:
-        """Activate at the start, if need be once a URDF comes."""
-        if self._starting and self._state_label == 'inactive':
-            self.trigger_activate()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Load the model; after a failure the node stays unconfigured and its status has why."""
@@ -222,12 +214,12 @@ class ServeNode(NodeBase, LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         try:
             settings = self._read_limits(self._loaded.joint_names)
-            require_limits(settings.torque_limits)
+            require_limits('torque_limits', settings.torque_limits, settings.torque_limits_from)
         except LipIdError as error:
             self._failure = f'not activated: {error}'
             self.get_logger().error(self._failure)
             return TransitionCallbackReturn.FAILURE
-        self._failure, self._starting = '', False
+        self._failure = ''
         if warning := unbounded(settings):
             self.get_logger().warning(warning)
         self._server.use(self._loaded, settings)
@@ -269,7 +261,6 @@ class ServeNode(NodeBase, LifecycleNode):
         self._limits = ()
 
     def _forget(self) -> None:
-        self._starting = False
         self._inputs.clean_up()
         self._outputs.clean_up()
         self._models, self._loaded = {}, None

@@ -143,7 +143,8 @@ class Outputs:
         self._optional[name] = self._publisher(kind, f'~/{name}', profile)
 
     def _publisher(self, kind: Any, topic: str, profile: QoSProfile = qos.OUTPUT) -> Any:
-        return self._node.create_lifecycle_publisher(kind, topic, profile)
+        with qos.overriding(self._node, 'publisher', topic, profile) as given:
+            return self._node.create_lifecycle_publisher(kind, topic, **given)
 
 
 def _publish_finite(publisher: Any, value: float) -> None:

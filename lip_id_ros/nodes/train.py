@@ -35,8 +35,8 @@ from lip_id_ros.signals.status import Level, Status
 class TrainNode(NodeBase):
     """Recorder and trainer; ConfigError if the parameters contradict each other."""
 
-    def __init__(self) -> None:
-        super().__init__('train', train_parameters())
+    def __init__(self, **options: Any) -> None:
+        super().__init__('train', train_parameters(), **options)
         check_together(self.values())
         require_writable('unsaved_path', self._settings().unsaved_path)
         self._jobs = Jobs()

@@ -342,7 +342,7 @@ def test_a_stream_that_begins_late_is_ramped_in_all_the_same() -> None:
 def test_refused_references_do_not_hold_a_torque(
     refused: tuple[list[float], list[float], list[float]],
 ) -> None:
-    server = serving(stale_timeout_s=0.5, safe_ramp_s=0.1, range_policy='off')
+    server = serving(stale_timeout_s=0.5, safe_ramp_s=0.1, range_policy='ignore')
     server.sample(NAMES, [POINT], 0.0)
     for tick, share in enumerate([1.0, 0.8, 0.6, 0.4, 0.2, 0.0, 0.0, 0.0]):
         now = 0.6 + 0.02 * tick
@@ -424,7 +424,7 @@ def test_the_safe_torque_keeps_to_the_rate() -> None:
 
 @pytest.mark.parametrize(
     ('policy', 'expected', 'count'),
-    [('off', 1.0, 0), ('warn', 1.0, 2), ('scale', 0.5, 2), ('zero', 0.0, 2)],
+    [('ignore', 1.0, 0), ('warn', 1.0, 2), ('scale', 0.5, 2), ('zero', 0.0, 2)],
 )
 def test_references_outside_the_training_range(policy: str, expected: float, count: int) -> None:
     server = Server()

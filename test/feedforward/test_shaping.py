@@ -208,19 +208,28 @@ def test_a_missing_bound_is_warned_of() -> None:
     assert unbounded(ServeSettings(torque_limits=(1.0,))) is None
     both = 'torques are not limited, and neither are their steps'
     assert unbounded(ServeSettings()) == both
-    assert unbounded(ServeSettings(torque_limits='none')) == both
+    assert unbounded(ServeSettings(torque_limits=(1.0,), torque_limits_from='none')) == both
     assert unbounded(ServeSettings(rate_limits=(1.0,))) == 'torques are not limited'
 
 
 def test_limits_of_an_active_node_are_changed_not_removed() -> None:
     before = make_rules(ServeSettings(torque_limits=(5.0,)), NAMES)
     require_bounded(ServeSettings(torque_limits=(9.0,)), before, NAMES)
-    for limits, sentence in (((), 'must hold the largest'), ('none', 'not removed while')):
-        with pytest.raises(ConfigError, match=rf'torque_limits .*{sentence}'):
-            require_bounded(ServeSettings(torque_limits=limits), before, NAMES)
-    before = make_rules(ServeSettings(torque_limits='none', rate_limits=(9.0,)), NAMES)
+    for source, sentence in (
+        ('parameters', 'must hold the largest'),
+        ('none', 'not removed while'),
+        ('robot_description', 'deactivate the node first'),
+    ):
+        with pytest.raises(ConfigError, match=rf'torque_limits.* .*{sentence}'):
+            require_bounded(ServeSettings(torque_limits_from=source), before, NAMES)
+    before = make_rules(ServeSettings(torque_limits_from='none', rate_limits=(9.0,)), NAMES)
     with pytest.raises(ConfigError, match=r'rate_limits .*not removed'):
-        require_bounded(ServeSettings(torque_limits='none'), before, NAMES)
+        require_bounded(ServeSettings(torque_limits_from='none'), before, NAMES)
+
+
+def test_limits_that_are_still_to_be_read_let_no_torque_out() -> None:
+    rules = make_rules(ServeSettings(torque_limits_from='robot_description'), NAMES)
+    assert (rules.limits == 0.0).all()
 
 
 BOX = TrainingRange(np.array([[-1.0, 0.0]] * 3), np.array([[1.0, 4.0]] * 3))

@@ -275,7 +275,9 @@ class Graph:
         self.context = Context()
 
     def start(self, module: str, **parameters: Any) -> Process:
-        """Start a node with parameters; `__` in a name stands for a dot."""
+        """Start a node, `serve` active, with parameters; `__` in a name stands for a dot."""
+        if module == 'serve':
+            parameters = {'autostart': True, **parameters}
         arguments = []
         for name, value in parameters.items():
             arguments += ['-p', f'{name.replace("__", ".")}:={json.dumps(value)}']

@@ -75,7 +75,7 @@ def started(
         'controller_action': ACTION,
         'config_path': str(settings),
         'motion_path': str(folder / 'motion.yaml'),
-        'effort_limits': 'none',
+        'effort_limits_from': 'none',
         'tracking_tolerance': [10.0],  # the arm may lag where the machine is busy
         'stale_timeout_s': 30.0,
         'confirm': False,
@@ -299,7 +299,7 @@ def test_a_fit_that_fails_as_the_last_one_is_not_awaited_either(ros: Ros, tmp_pa
 
 def test_an_effort_beyond_its_limit_stops_the_motion(ros: Ros, tmp_path: Path) -> None:
     _, client = ros
-    started(ros, tmp_path, effort_limits=[0.01])
+    started(ros, tmp_path, effort_limits=[0.01], effort_limits_from='parameters')
     begin(client)
     ended = client.status('excite', lambda status: status['stage'] == 'stopped')
     assert 'has an effort of' in ended['summary']
@@ -475,7 +475,7 @@ def test_what_is_missing_is_named(ros: Ros, tmp_path: Path) -> None:
     graph, _ = ros
     for parameters, sentence in (
         ({}, 'controller_action must be the action'),
-        ({'controller_action': ACTION}, 'effort_limits must be given'),
+        ({'controller_action': ACTION}, 'effort_limits must hold the largest of each joint'),
         ({'controller_action': ACTION, 'motion_path': 'm.txt'}, 'm.txt ends otherwise; name'),
     ):
         process = graph.start('excite', **parameters)

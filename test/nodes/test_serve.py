@@ -165,15 +165,17 @@ def test_lifecycle_without_autostart(ros: Ros, model_path: str, foreign_model_pa
     assert client.set_parameter('serve', 'torque_limits', []).successful
     assert not client.transition(Transition.TRANSITION_ACTIVATE)
     refused = client.status('serve', lambda status: status['summary'].startswith('not activated'))
-    assert 'torque_limits must hold the largest torque of each joint' in refused['summary']
-    assert client.set_parameter('serve', 'torque_limits', 'none').successful
+    assert 'torque_limits must hold the largest of each joint' in refused['summary']
+    assert client.set_parameter('serve', 'torque_limits_from', 'none').successful
     assert client.transition(Transition.TRANSITION_ACTIVATE)
     client.status('serve', lambda status: 'torques are not limited' in status['summary'])
     assert 'torques are not limited, and neither are their steps' in serve.log
     assert client.set_parameter('serve', 'torque_limits', [toy.LIMIT]).successful
-    no_limits: list[Any] = [[], 'none', None]  # None deletes it
+    assert client.set_parameter('serve', 'torque_limits_from', 'parameters').successful
+    no_limits: list[Any] = [[], None]  # None deletes it
     for value in no_limits:
         assert not client.set_parameter('serve', 'torque_limits', value).successful
+    assert not client.set_parameter('serve', 'torque_limits_from', 'none').successful
     publisher.publish(GOOD)
     client.wait_until(lambda: torques, 'answer')
     assert client.transition(Transition.TRANSITION_DEACTIVATE)
@@ -299,7 +301,7 @@ def test_payloads_are_switched_without_a_reload(ros: Ros, model_path: str, tmp_p
     graph, client = ros
     toy.heavier(InverseDynamicsModel.load(model_path)).save(tmp_path / 'heavy.npz')
     heavy = str(tmp_path / 'heavy.npz')
-    start_serve(graph, model_path=model_path, payload_models=[heavy], autostart=True)
+    start_serve(graph, model_path=model_path, payload_models=[heavy])
     torques = client.listen(JointState, TORQUE)
     publisher = client.speak(JointTrajectory, REFERENCE)
     (tmp_path / 'heavy.npz').unlink()
