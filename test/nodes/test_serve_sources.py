@@ -78,6 +78,7 @@ def test_plans_are_not_answered_to_oneself(ros: Ros, model_path: str) -> None:
         'serve',
         [
             *('-p', f'model_path:={model_path}', '-p', f'torque_limits:=[{toy.LIMIT}]'),
+            *('-p', 'autostart:=true'),
             *('-r', '~/trajectory_with_effort:=/plans', '-r', '~/desired_trajectory:=/plans'),
         ],
     )
