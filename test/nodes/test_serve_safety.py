@@ -122,7 +122,7 @@ def test_limits_of_rate_and_range_hold_and_are_counted(ros: Ros, model_path: str
     assert torques[-1].effort[0] < torques[before - 1].effort[0]
 
     def warned() -> bool:
-        found = [each.status[0] for each in diagnostics if each.status[0].name == 'serve']
+        found = [each.status[0] for each in diagnostics if each.status[0].name == 'serve: status']
         return any(
             each.level == DiagnosticStatus.WARN
             and each.message == 'messages with trouble: out_of_range 1'
