@@ -250,6 +250,7 @@ def serving(
         'serve',
         {
             'model_path': model,
+            'autostart': 'true',
             'accept_unproven': 'true',  # its speed is measured, not its errors
             'executor': executor,
             'torque_limits': json.dumps(LIMITS),

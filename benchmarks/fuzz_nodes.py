@@ -119,6 +119,7 @@ def parameters_of(model: str, arm: str, folder: str) -> dict[str, dict[str, str]
     return {
         'serve': {
             'model_path': model,
+            'autostart': 'true',
             'accept_unproven': 'true',
             'joints': joints,
             'torque_limits': limits,

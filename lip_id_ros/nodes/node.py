@@ -17,13 +17,14 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from lip_id_ros.errors import ConfigError, LipIdError
 from lip_id_ros.nodes import messages, parameters, qos
 from lip_id_ros.settings import Row
 from lip_id_ros.signals.joints import HARMLESS, RefusedError
 from lip_id_ros.signals.status import Level, Status
+from lip_id_ros.signals.streams import Streams
 
 STATUS_PERIOD_S = 0.5
 
@@ -48,6 +49,7 @@ class NodeBase(Node):
     last_fault = ''
 
     def __init__(self, name: str, table: Mapping[str, Row], **options: Any) -> None:
+        self._streams = Streams()
         super().__init__(name, **{'enable_logger_service': True, **options})
         self._table = table
         self._logged: dict[str, float] = {}
@@ -129,14 +131,18 @@ class NodeBase(Node):
     def publish_status(self) -> None:
         """Publish the status to /diagnostics, and to ~/status if anything changed."""
         status = self._with_warnings(self._with_faults(self.status()))
-        name = self.get_fully_qualified_name().lstrip('/')
-        message = messages.status_message(name, self._hardware, status)
+        message = self._message('status', status)
         if message != self._last_status:
             self._status.publish(message)
             self._last_status = message
-        diagnostics = DiagnosticArray(status=[message])
+        inputs = self._message('inputs', self._streams.status(time.monotonic()))
+        diagnostics = DiagnosticArray(status=[message, inputs])
         diagnostics.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(diagnostics)
+
+    def _message(self, task: str, status: Status) -> DiagnosticStatus:
+        name = self.get_fully_qualified_name().lstrip('/')
+        return messages.status_message(f'{name}: {task}', self._hardware, status)
 
     def warn_of_refusal(self, refused: RefusedError) -> None:
         """Log a refused message, for each reason at most every five seconds."""
@@ -154,9 +160,14 @@ class NodeBase(Node):
         self, msg_type: Any, topic: str, callback: Any, profile: QoSProfile, **options: Any
     ) -> Any:
         """Create a guarded subscription; ConfigError if its qos_overrides are wrong."""
-        guarded = self._guarded(callback)
+        guarded = self._guarded(self._counted(topic, callback, profile))
         with qos.overriding(self, 'subscription', topic, profile) as given:
             return super().create_subscription(msg_type, topic, guarded, **given, **options)
+
+    def destroy_subscription(self, subscription: Any) -> bool:
+        """Destroy a subscription, whose topic is no input any more."""
+        self._streams.remove(subscription.topic_name)
+        return bool(super().destroy_subscription(subscription))
 
     def create_publisher(
         self, msg_type: Any, topic: str, profile: QoSProfile, **options: Any
@@ -203,6 +214,20 @@ class NodeBase(Node):
             return False
         self._logged[key] = now
         return True
+
+    def _counted(self, topic: str, callback: Any, profile: QoSProfile) -> Any:
+        """Return a callback whose messages are an input of the diagnostics, unless latched."""
+        if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+            return callback
+        lasting = profile.reliability == ReliabilityPolicy.BEST_EFFORT
+        stream = self._streams.add(self.resolve_topic_name(topic), lasting)
+
+        @functools.wraps(callback)
+        def counted(*arguments: Any) -> Any:
+            stream.arrived(time.monotonic())
+            return callback(*arguments)
+
+        return counted
 
     def _guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:
         if inspect.iscoroutinefunction(callback):

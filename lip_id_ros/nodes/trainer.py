@@ -74,7 +74,7 @@ class Trainer:
             raise HaltError(f'{client.srv_name}: {answer.message}')
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        if any(each.name == self._name.lstrip('/') for each in message.status):
+        if any(each.name == f'{self._name.lstrip("/")}: status' for each in message.status):
             self._heard_at = max(self._heard_at, time.monotonic())
 
     def _on_status(self, message: DiagnosticStatus) -> None:

@@ -212,7 +212,11 @@ class Client:
         diagnostics = self.listen(DiagnosticArray, '/diagnostics', qos.DIAGNOSTICS)
 
         def of_node() -> list[DiagnosticStatus]:
-            return [each.status[0] for each in list(diagnostics) if each.status[0].name == node]
+            return [
+                each.status[0]
+                for each in list(diagnostics)
+                if each.status[0].name == f'{node}: status'
+            ]
 
         self.wait_until(lambda: len(of_node()) > 1, f'diagnostics of {node}')
         self._marks[node] = messages.status_values(of_node()[-1])

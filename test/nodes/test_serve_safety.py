@@ -122,7 +122,7 @@ def test_limits_of_rate_and_range_hold_and_are_counted(ros: Ros, model_path: str
     assert torques[-1].effort[0] < torques[before - 1].effort[0]
 
     def warned() -> bool:
-        found = [each.status[0] for each in diagnostics if each.status[0].name == 'serve']
+        found = [each.status[0] for each in diagnostics if each.status[0].name == 'serve: status']
         return any(
             each.level == DiagnosticStatus.WARN
             and each.message == 'messages with trouble: out_of_range 1'
@@ -141,9 +141,7 @@ def test_parameters_are_refused_when_they_are_set(ros: Ros, model_path: str) -> 
         assert not result.successful, name
         return str(result.reason)
 
-    assert (
-        reason('ramp_s', -1.0) == 'Parameter ramp_s out of range Min: 0.0, Max: 60.0, value: -1.0'
-    )
+    assert reason('ramp_s', -1.0) == 'ramp_s must be a number >= 0 and <= 60 s, not -1.0.'
     assert reason('ramp_s', 'long') == "ramp_s must be a number >= 0 and <= 60 s, not 'long'."
     assert 'range_policy must be a text ignore or warn or scale or zero' in reason(
         'range_policy', 'panic'
@@ -252,7 +250,8 @@ def test_a_reload_does_not_outlive_its_configuration(
 
     monkeypatch.setattr(serve, 'load_models', load_models)
     with free_domain() as domain:
-        parameters = ['-p', f'model_path:={model_path}', '-p', 'torque_limits:=[50.0]']
+        given = (f'model_path:={model_path}', 'torque_limits:=[50.0]', 'autostart:=true')
+        parameters = [word for each in given for word in ('-p', each)]
         rclpy.init(args=['--ros-args', *parameters], domain_id=domain)
         node = serve.ServeNode()
         try:
