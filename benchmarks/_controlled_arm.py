@@ -69,7 +69,6 @@ def main(request: dict[str, Any]) -> dict[str, Any]:
         learned(samples).save(model)
         parameters = {
             'model_path': model,
-            'autostart': 'true',
             'accept_unproven': 'true',  # its errors are measured here
             'torque_limits': json.dumps(LIMITS),
             'joints': json.dumps(list(JOINTS)),

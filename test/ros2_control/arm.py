@@ -120,7 +120,7 @@ class Control:
 
 @contextmanager
 def controlled(
-    folder: Path, parameters: Path, joints: Sequence[str], speed: float = 1.0
+    folder: Path, parameters: Path, joints: Sequence[str], speed: float | None = None
 ) -> Iterator[Control]:
     with graph(folder) as (made, client):
         process = made.start_installed(
@@ -135,7 +135,7 @@ def controlled(
 
 @contextmanager
 def served(
-    folder: Path, parameters: Path, model_path: str, speed: float = 1.0
+    folder: Path, parameters: Path, model_path: str, speed: float | None = None
 ) -> Iterator[Control]:
     """Run a controller manager of the toy arm, and a `serve` that fills plans for `arm`."""
     with controlled(folder, parameters, toy.JOINTS, speed) as made:
