@@ -10,11 +10,12 @@ import numpy as np
 
 from lip_id_ros.adaptation.adaptation import Adaptation
 from lip_id_ros.adaptation.changes import Change, changes
-from lip_id_ros.adaptation.payloads import Payload, PayloadEvent
-from lip_id_ros.adaptation.saved_state import resume, save
+from lip_id_ros.adaptation.payloads import announced_payload, parts_of, PayloadEvent
+from lip_id_ros.adaptation.saved_state import NOT_KEPT, path_of, resume, save
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.arrays import Array
-from lip_id_ros.errors import ConfigError, SourceError
+from lip_id_ros.errors import ConfigError, DataError, one_line, SourceError
+from lip_id_ros.export.urdf import link_name
 from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.recording.joint_messages import JointMessage
@@ -93,8 +94,9 @@ class AdaptSettings(Settings):
         applies=AT_START,
     )
     state_path: str = setting(
-        'adaptation.npz',
-        'File in which what was learned is kept; empty for none.',
+        '',
+        'File in which what was learned is kept; empty for adaptation.npz in the state folder of '
+        f'the node, the word {NOT_KEPT} for none.',
         applies=AT_START,
     )
     save_period_s: float = setting(
@@ -105,34 +107,21 @@ class AdaptSettings(Settings):
         'Change of friction that the status warns of, as a share of the friction of the joint.',
         minimum=0.0,
     )
-    payload_mass: float = setting(
-        0.0, 'Mass that announce_payload announces.', unit='kg', minimum=0.0, maximum=1000.0
-    )
-    payload_centre: tuple[float, ...] = setting(
-        (0.0, 0.0, 0.0),
-        'Its centre of mass in the frame of the last link: x, y, z.',
-        unit='m',
-        minimum=-100.0,
-        maximum=100.0,
-    )
     executor: str = executor_setting()
-
-
-def require_centre(settings: AdaptSettings) -> None:
-    """Raise ConfigError for a centre of mass that is none."""
-    if len(settings.payload_centre) != 3:
-        raise ConfigError(
-            'payload_centre must hold three numbers, x, y and z, but holds '
-            f'{len(settings.payload_centre)}; give it in the frame of the last link.'
-        )
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What came of the last joint states: an update, None without any, and events."""
+    """
+    What came of the last joint states: an update, None without any, and events.
+
+    `carried`: mass [kg], centre of mass (3,) [m] and inertia about it (6,) of all that is carried,
+    as they are announced.
+    """
 
     update: Update | None
     payloads: tuple[PayloadEvent, ...]
+    carried: tuple[float, Array, Array]
     alarms: tuple[str, ...]
 
 
@@ -140,13 +129,13 @@ class LiveAdaptation:
     """
     Follow an arm in joint states; LipIdError if the settings do not fit the model.
 
-    `take` is for one thread; all others that are not properties are for one other.
+    `take` and `announce` are for one thread; all others that are not properties are for one other.
+    `node`: its full name.
 
     """
 
-    def __init__(self, settings: AdaptSettings, now: float) -> None:
+    def __init__(self, settings: AdaptSettings, node: str, now: float) -> None:
         require_unique('joints', settings.joints)
-        require_centre(settings)
         model = InverseDynamicsModel.load(settings.model_path)
         require_joints(model.joint_names, settings.joints, settings.model_path)
         self.settings, self.joint_names = settings, model.joint_names
@@ -163,8 +152,11 @@ class LiveAdaptation:
         self._last_t, self._jumps = -np.inf, 0
         self._used_at: float | None = None
         self._learned_at = now
-        self._n_used = self._counter = 0
-        self._saved_at, self._failure, self._note = now, '', ''
+        self._n_used = self._n_updates = 0
+        self._announced: deque[Array] = deque()
+        self._is_to_be_told, self._wrong_payload = False, ''
+        self._node, self._path = node, path_of(settings.state_path, node)
+        self._saved_at, self._failure, self.note = now, '', ''
         self._found: list[Change] = []
         self._beyond: tuple[str, ...] = ()
         self._alarmed: set[str] = set()
@@ -172,16 +164,14 @@ class LiveAdaptation:
 
     def begin(self, clock: float) -> None:
         """Go on from the file of the last time, by the clock of the computer [s]."""
-        own = self.settings
-        if not own.state_path:
+        if self._path is None:
             return
         try:
-            counter = resume(own.state_path, self._adaptation, clock)
+            resume(self._path, self._node, self._adaptation, clock)
         except (SourceError, OSError) as error:
-            self._note = str(error)
-            return
-        # those that came after the file was written, at most
-        self._counter = counter + int(own.save_period_s * own.publish_rate_hz) + 2
+            self.note = one_line(error)
+        except ConfigError as error:
+            self.note, self._path = str(error), None
 
     # joint states
 
@@ -231,6 +221,9 @@ class LiveAdaptation:
         `now`: on any steady clock [s]. `clock`: that of the computer [s].
 
         """
+        while self._announced:
+            self._adaptation.announce(self._announced.popleft())
+            self._keep_now(clock)
         used = self._tally.used.total()
         if used > self._n_used or self._used_at is None:
             self._n_used, self._used_at = used, now
@@ -244,30 +237,51 @@ class LiveAdaptation:
         if now - self._saved_at > self.settings.save_period_s:
             self._saved_at = now
             self.save(clock)
-        return Step(self._update(now), self._new_payloads(), self._new_alarms())
+        carried = parts_of(self._adaptation.carried_body)
+        return Step(self._update(now), self._new_payloads(), carried, self._new_alarms())
 
     def save(self, clock: float) -> None:
         """Write what was learned; a failure is in the status."""
-        if not self.settings.state_path:
+        if self._path is None:
             return
         try:
-            save(self.settings.state_path, self._adaptation, self._counter, clock)
+            save(self._path, self._node, self._adaptation, clock)
             self._failure = ''
         except OSError as error:
-            self._failure = f'{self.settings.state_path} cannot be written: {error.strerror}'
+            self._failure = f'{self._path} cannot be written: {error.strerror}'
 
     def reset(self, clock: float) -> None:
         """Forget what was learned, also in the file."""
         self._adaptation.reset()
-        self.save(clock)
+        self._keep_now(clock)
 
-    def announce(self, is_there: bool, clock: float) -> str:
-        """Carry the payload of the settings, or none; return what was done."""
-        mass = self.settings.payload_mass if is_there else 0.0
-        centre = np.array(self.settings.payload_centre)
-        self._adaptation.announce(mass, centre)
+    def announce(self, mass: float, centre: Array, inertia: Array, frame: str) -> None:
+        """
+        Carry a payload from the next step on, or none without mass; DataError if it is none.
+
+        As `announced_payload`, in the frame `payload_frame`, which may be left empty.
+        """
+        try:
+            if frame not in ('', self.payload_frame):
+                raise DataError(
+                    f'payloads must be given in {self.payload_frame}, the frame of the last link '
+                    f'that lip_id export writes, but came in {frame}; transform them.'
+                )
+            self._announced.append(announced_payload(mass, centre, inertia))
+        except DataError as error:
+            self._wrong_payload = str(error)
+            raise
+        self._wrong_payload = ''
+
+    @property
+    def payload_frame(self) -> str:
+        """The frame in which payloads are given."""
+        return link_name(self.joint_names[-1])
+
+    def _keep_now(self, clock: float) -> None:
+        """Keep what was asked for, and have it published even if the arm is silent."""
+        self._is_to_be_told = True
         self.save(clock)
-        return self._adaptation.payload_events[-1].sentence()
 
     def _learn(self, now: float) -> None:
         """
@@ -296,17 +310,13 @@ class LiveAdaptation:
         self._outcomes.update(OUTCOMES[k] for k in followed.outcome.tolist())
 
     def _update(self, now: float) -> Update | None:
-        if self._used_at is None or not self._n_used or now - self._used_at > SILENCE_S:
+        is_silent = self._used_at is None or not self._n_used or now - self._used_at > SILENCE_S
+        if is_silent and not self._is_to_be_told:
             return None
-        self._counter += 1
-        own = self._adaptation
-        return Update(
-            own.commissioned.fingerprint,
-            self._counter,
-            own.trusted_numbers.copy(),
-            own.is_trusted,
-            own.errors,
-        )
+        self._is_to_be_told = False
+        self._n_updates += 1
+        own, numbers = self._adaptation, self._adaptation.trusted_numbers.copy()
+        return Update(own.commissioned.fingerprint, numbers, own.is_trusted, own.errors)
 
     def _new_payloads(self) -> tuple[PayloadEvent, ...]:
         events = self._adaptation.payload_events
@@ -333,24 +343,20 @@ class LiveAdaptation:
     def status(self, now: float) -> Status:
         """Return the state and all counts; `now` as for `step`."""
         silence = 0.0 if self._used_at is None else now - self._used_at
-        refused = self._tally.new_refusals()
+        is_silent = silence > SILENCE_S or not self._n_used
+        refused, are_sparse = self._tally.new_refusals(), self._are_sparse()
         trouble = f'joint states refused: {in_words(refused)}' if refused else 'no joint states'
-        are_sparse = self._are_sparse()
-        level, summary = Level.OK, 'following' if self._is_trusted else 'as commissioned'
-        if self._beyond:
-            level, summary = Level.ERROR, '; '.join(map(self._too_far, self._beyond))
-        elif silence > SILENCE_S or not self._n_used:
-            level, summary = Level.WARN, f'{trouble}: no updates'
-        elif self._failure or self._note:
-            level, summary = Level.WARN, self._failure or self._note
-        elif self._alarming():
-            sentences = ' '.join(each.sentence() for each in self._alarming())
-            level, summary = Level.WARN, sentences
-        elif refused:
-            level, summary = Level.WARN, trouble
-        elif are_sparse:
-            level, summary = Level.WARN, SPARSE
-        return Status(level, summary, self.values())
+        beyond = [self._too_far(name) for name in self._beyond]
+        doubts = [
+            f'{trouble}: no updates' if is_silent else trouble if refused else '',
+            *(self._wrong_payload, self._failure, self.note),
+            *(each.sentence() for each in self._alarming()),
+            SPARSE if are_sparse else '',
+        ]
+        level = Level.ERROR if beyond else Level.WARN if any(doubts) else Level.OK
+        summary = '; '.join(filter(None, [*beyond, *doubts]))
+        usual = 'following' if self._is_trusted else 'as commissioned'
+        return Status(level, summary or usual, self.values())
 
     def _are_sparse(self) -> bool:
         """Whether all joint states since the last call came after a gap."""
@@ -366,14 +372,15 @@ class LiveAdaptation:
     def values(self) -> dict[str, Any]:
         """Return the state and the counts, JSON-able."""
         learned, fitted = self._adaptation.errors
+        carried = self._adaptation.carried
         used = {key: n for key, n in self._tally.used.items() if key != 'learnable'}
         return {
             'trusted': self._is_trusted,
-            'counter': self._counter,
+            'updates': self._n_updates,
             'error_adapted': round(learned, 3),
             'error_commissioned': round(fitted, 3),
             'changes': [each.sentence() for each in self._found],
-            'payload': _in_words(self._adaptation.payload),
+            'payload': carried.in_words if carried else 'none',
             'announced_kg': self._adaptation.announced_mass,
             'forgotten': self._adaptation.n_forgotten,
             'received': self._tally.received,
@@ -381,7 +388,7 @@ class LiveAdaptation:
             **used,
             **self._outcomes,
             'refused': dict(self._tally.refused),
-            'note': self._note,
+            'note': self.note,
         }
 
     def _warm_up(self) -> None:
@@ -389,17 +396,3 @@ class LiveAdaptation:
         still = np.zeros((1, len(self.joint_names)))
         other = Adaptation(self._adaptation.commissioned)
         other.update(np.zeros(1), still, still, still, still)
-
-
-def _in_words(payload: Payload | None) -> str:
-    return 'none' if payload is None else f'{payload.mass:.3g} kg ± {payload.mass_std:.2g} kg'
-
-
-def payload_values(payload: Payload | None) -> dict[str, float]:
-    """Return mass [kg] and centre of mass [m] by name; those that are unknown are not finite."""
-    if payload is None:
-        return {'mass': 0.0, 'mass_std': 0.0}
-    values = {'mass': payload.mass, 'mass_std': payload.mass_std}
-    for axis, centre, std in zip('xyz', payload.centre, payload.centre_std, strict=True):
-        values |= {f'centre_{axis}': float(centre), f'centre_{axis}_std': float(std)}
-    return values

@@ -215,10 +215,10 @@ class Monitor:
                 return None
             return self._watch(step, message.stamp_ns, self._reader.read(message))
 
-    def take_update(self, text: str, now: float) -> None:
+    def take_update(self, message: Any, now: float, clock_ns: int) -> None:
         """Follow an update of the model; RefusedError, counted, where it is not to be followed."""
         if self._adapted is not None:
-            self._adapted.take(text, now)
+            self._adapted.take(message, now, clock_ns)
 
     def judge(self, now: float) -> tuple[Level, str]:
         """Judge what came since the last call, in one sentence; `now` [s] is of any clock."""

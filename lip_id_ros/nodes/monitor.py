@@ -6,9 +6,10 @@ import math
 import sys
 import time
 
+from control_msgs.msg import DynamicInterfaceGroupValues
 from pal_statistics_msgs.msg import Statistics
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float64, String
+from std_msgs.msg import Bool, Float64
 from std_srvs.srv import Trigger
 
 from lip_id_ros.monitoring.monitor import Monitor, MonitorSettings, Watched
@@ -37,7 +38,9 @@ class MonitorNode(NodeBase):
         self.create_service(Trigger, '~/calibrate', self._on_calibrate)
         self.create_subscription(JointState, 'joint_states', self._on_joint_state, qos.WATCHED)
         if settings.follow_adaptation:
-            self.create_subscription(String, 'adapt/update', self._on_update, qos.LATCHED)
+            self.create_subscription(
+                DynamicInterfaceGroupValues, 'adapt/update', self._on_update, qos.LATCHED
+            )
 
     def status(self) -> Status:
         """Return the state of the monitor and its counts."""
@@ -52,9 +55,10 @@ class MonitorNode(NodeBase):
         if watched is not None:
             self._publish(message, watched)
 
-    def _on_update(self, message: String) -> None:
+    def _on_update(self, message: DynamicInterfaceGroupValues) -> None:
         try:
-            self._monitor.take_update(message.data, time.monotonic())
+            clock_ns = self.get_clock().now().nanoseconds
+            self._monitor.take_update(message, time.monotonic(), clock_ns)
         except RefusedError as refused:
             self.warn_of_refusal(refused)
 
