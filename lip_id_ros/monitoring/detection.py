@@ -36,9 +36,6 @@ TORQUE_ERROR = 0.1
 LEAST_AT_REST = 0.5
 """Share of the friction near rest: an arm that stands may be held by any of it."""
 
-MOST_BLIND = 0.5
-"""Share of a free motion in which a smallest contact may not be seen."""
-
 LEAST_MOTION = 0.2
 """Share of the training data's range of velocities that calibration must see of every joint."""
 
@@ -98,9 +95,14 @@ def _shares(torque: Array, terms: Array) -> Array:
 
 @dataclass(frozen=True)
 class Contact:
-    """Per joint, shape (n,): deviation [N m or N], whether in contact, and whether blind."""
+    """
+    Per joint, shape (n,): whether in contact, and whether blind.
+
+    `std`, `threshold`: deviation, and torque beyond which there is a contact [N m or N].
+    """
 
     std: Array
+    threshold: Array
     touched: BoolArray
     blind: BoolArray
 
@@ -118,23 +120,30 @@ class ContactDetector:
         sees = (DEVIATIONS * std <= self.smallest) & external.settled
         threshold = np.maximum(DEVIATIONS * std, LEAST_SHOWN * self.smallest)
         touched = sees & (np.abs(external.torque) > threshold)
-        return Contact(std, np.asarray(touched), np.asarray(~sees))
+        return Contact(std, threshold, np.asarray(touched), np.asarray(~sees))
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """
+    What a motion without contact teaches.
+
+    `least`, shape (n,): smallest contacts that show in half of the motion [N m or N].
+    """
+
+    deviation: Deviation
+    least: Array
 
     @classmethod
-    def calibrated(
-        cls,
-        joint_names: Sequence[str],
-        free: Sequence[ExternalTorque],
-        smallest: ArrayLike,
-        torque_error: ArrayLike = TORQUE_ERROR,
-    ) -> ContactDetector:
+    def of(
+        cls, free: Sequence[ExternalTorque], torque_error: ArrayLike = TORQUE_ERROR
+    ) -> Calibration:
         """
         Learn deviations from estimates of a motion without contact.
 
         It must not be a motion that the model was fitted on: its errors are too small there.
         `torque_error`: least relative error of measured torques, 0.1 from motor currents, 0.02
-        from torque sensors. DataError if the smallest contact of interest is hidden from a joint
-        most of the time.
+        from torque sensors. DataError if the motion is too short.
         """
         settled = [each for each in free if each.settled]
         if not settled:
@@ -143,20 +152,36 @@ class ContactDetector:
                 f'{len(free)} samples do not; record more of it.'
             )
         terms = np.array([each.terms for each in settled])
-        torque = np.array([each.torque for each in settled])
-        deviation = Deviation.fitted(torque, terms, torque_error)
-        least = np.broadcast_to(smallest, terms.shape[2:]).astype(np.float64)
+        deviation = Deviation.fitted(np.array([x.torque for x in settled]), terms, torque_error)
         shown = DEVIATIONS * deviation.std(terms)
-        for name, bound, of in zip(joint_names, least, shown.T, strict=True):
-            blind = np.mean(~(of <= bound))
-            if blind > MOST_BLIND:
-                raise DataError(
-                    f'a contact of {bound:.3g} N m or N at {name} would not show in '
-                    f'{100 * blind:.0f} % of the free motion, of which half needs '
-                    f'{np.median(of):.3g}; ask for a larger contact, learn from more motion, or '
-                    'give a smaller error of torques.'
-                )
-        return cls(deviation, least)
+        return cls(deviation, _rounded_up(np.median(shown, axis=0)))
+
+    def detector(self, joint_names: Sequence[str], smallest: ArrayLike) -> ContactDetector:
+        """Return what detects these contacts; DataError if one is hidden most of the time."""
+        wanted = np.broadcast_to(np.asarray(smallest, dtype=np.float64), self.least.shape)
+        hidden = ', '.join(
+            f'{name} {bound:.3g}'
+            for name, bound, least in zip(joint_names, wanted, self.least, strict=True)
+            if not least <= bound
+        )
+        if hidden:
+            raise DataError(
+                f'contacts at {hidden} N m or N would not show in half of the free motion, but '
+                f'{self.in_words(joint_names)} would; set smallest_contact to these or more, '
+                'learn from more motion, or give a smaller error of torques.'
+            )
+        return ContactDetector(self.deviation, wanted)
+
+    def in_words(self, joint_names: Sequence[str]) -> str:
+        """Return the smallest contacts that show."""
+        least = zip(joint_names, self.least, strict=True)
+        return f'{", ".join(f"{name} {value:.3g}" for name, value in least)} N m or N'
+
+
+def _rounded_up(values: Array) -> Array:
+    """Return numbers in three digits that do not fall below."""
+    unit = 10.0 ** (np.floor(np.log10(np.maximum(values, np.finfo(float).tiny))) - 2.0)
+    return np.asarray(np.ceil(values / unit) * unit)
 
 
 class FreeMotion:
@@ -182,18 +207,14 @@ class FreeMotion:
         if len(self.kept) > MOST_KEPT:
             self.kept, self._every = self.kept[::2], 2 * self._every
 
-    def detector(
-        self, joint_names: tuple[str, ...], smallest: Array, torque_error: Array
-    ) -> ContactDetector:
-        """Return the detector that knows the errors of this motion; DataError as `calibrated`."""
-        return ContactDetector.calibrated(joint_names, self.kept, smallest, torque_error)
-
-    def require_motion(self, joint_names: tuple[str, ...], trained: Array) -> None:
+    def calibration(
+        self, joint_names: Sequence[str], trained: Array, torque_error: Array
+    ) -> Calibration:
         """
-        Refuse a motion that does not show the errors of the model.
+        Return what the motion teaches, as `Calibration.of`.
 
         DataError if a joint moved by less than `LEAST_MOTION` of the velocities (n,) of the
-        training data.
+        training data: the motion does not show the errors of the model.
         """
         spanned, needed = self._high - self._low, LEAST_MOTION * trained
         for name, span, least in zip(joint_names, spanned, needed, strict=True):
@@ -202,3 +223,4 @@ class FreeMotion:
                     f'the velocity of {name} must span {least:.2g} rad/s or m/s, a fifth of the '
                     f'training data, but spanned {span:.2g}; call calibrate and move all joints.'
                 )
+        return Calibration.of(self.kept, torque_error)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,11 +17,12 @@ from lip_id_ros.adaptation.follow_settings import (
     limit_setting,
     timeout_setting,
 )
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import DataError
 from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.monitoring.detection import (
+    Calibration,
     Contact,
     ContactDetector,
     Deviation,
@@ -36,7 +38,7 @@ from lip_id_ros.monitoring.external_torque import (
 from lip_id_ros.monitoring.observers import EnergyBalance, EnergyMonitor, Predictor
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.settings import executor_setting, setting, Settings
-from lip_id_ros.settings.settings import AT_START, PER_JOINT
+from lip_id_ros.settings.settings import AT_ONCE, AT_START, PER_JOINT
 from lip_id_ros.signals.joint_states import (
     CONFIRMED_BY,
     continued,
@@ -86,10 +88,11 @@ class MonitorSettings(Settings):
     )
     smallest_contact: tuple[float, ...] = setting(
         (5.0,),
-        f'Smallest contact that is to be detected; calibrate uses it. {PER_JOINT}',
+        'Smallest contact that is to be detected; refused where the last calibration says that it '
+        f'would not show. {PER_JOINT}',
         unit='N m or N',
         minimum=0.0,
-        applies=AT_START,
+        applies=AT_ONCE,
     )
     deviation_constant: tuple[float, ...] = setting(
         (),
@@ -146,14 +149,14 @@ class Watched:
     """
     The estimates of one joint state.
 
-    `judged`, `contact`: deviations, and whether there is a contact, or was in the last `hold_s`;
-    None before a calibration.
+    `judged`, `contact`, shape (n,): deviations, and where there is a contact, or was in the last
+    `hold_s`; None before a calibration.
     """
 
     external: ExternalTorque
     energy: EnergyBalance
     judged: Contact | None
-    contact: bool | None
+    contact: BoolArray | None
 
 
 class Monitor:
@@ -175,9 +178,10 @@ class Monitor:
         self._reader = JointStateReader(model.joint_names, model.effort_calibration)
         self._smallest = self._per_joint('smallest_contact')
         self._detector = self._configured() if settings.deviation_constant else None
+        self.calibration: Calibration | None = None
         self._free: FreeMotion | None = None
-        self._failure = ''
-        self._contact_until = -np.inf
+        self.failure = ''
+        self._contact_until = np.full(model.n_joints, -np.inf)
         self._tally = Tally('watched', 'too_soon', 'after_a_gap')
         self._n_contacts = self._n_blind = 0
         self._before = self._counts()
@@ -197,6 +201,34 @@ class Monitor:
             f'watching {self._settings.calibration_s:g} s of motion; move all joints as in use, '
             'without any contact'
         )
+
+    @property
+    def is_calibrating(self) -> bool:
+        """Whether free motion is watched."""
+        return self._free is not None
+
+    def require_shown(self, smallest: Sequence[float]) -> None:
+        """Refuse smallest contacts that do not fit: DataError where they would not show."""
+        wanted = self._by_joint('smallest_contact', smallest)
+        if self.calibration is not None:
+            self.calibration.detector(self.joint_names, wanted)
+
+    def find(self, smallest: Sequence[float]) -> None:
+        """Detect contacts of another size from now on, with the deviations that are known."""
+        self._smallest = self._by_joint('smallest_contact', smallest)
+        if self.calibration is not None:
+            self._detector = self.calibration.detector(self.joint_names, self._smallest)
+            self.failure = ''
+        elif self._detector is not None:
+            self._detector = replace(self._detector, smallest=self._smallest)
+
+    def parameters(self) -> dict[str, Array]:
+        """Return the parameters of a monitor that detects what the last calibration shows."""
+        if self.calibration is None:
+            return {}
+        smallest = np.maximum(self._smallest, self.calibration.least)
+        shares = zip(DEVIATIONS_OF, self.calibration.deviation.shares, strict=True)
+        return {'smallest_contact': smallest, **dict(shares)}
 
     def take(self, message: JointMessage) -> Watched | None:
         """
@@ -240,12 +272,13 @@ class Monitor:
         return {
             'state': self._state,
             **self._deviations(),
+            'least_contact': self.calibration.least.tolist() if self.calibration else None,
             'received': self._tally.received,
             **self._tally.used,
             'refused': dict(self._tally.refused),
             'contacts': self._n_contacts,
             'blind': self._n_blind,
-            'failure': self._failure,
+            'failure': self.failure,
             'adaptation': self._adapted.values() if self._adapted else {},
         }
 
@@ -262,8 +295,8 @@ class Monitor:
         if self._n_unusable >= CONFIRMED_BY:
             trouble = f'refused: {in_words(self._refused)}' if self._refused else apart
             return Level.ERROR, f'blind: joint states {trouble}'
-        if self._failure:
-            return Level.ERROR, self._failure
+        if self.failure:
+            return Level.ERROR, self.failure
         if refused:
             return Level.WARN, f'joint states refused: {in_words(refused)}'
         if new['after_a_gap'] > 1:
@@ -312,30 +345,27 @@ class Monitor:
         self._external = ExternalTorqueObserver(self._predictor, self._settings.bandwidth)
         self._energy = EnergyMonitor(self._predictor)
 
-    def _in_contact(self, t: float, judged: Contact | None) -> bool | None:
+    def _in_contact(self, t: float, judged: Contact | None) -> BoolArray | None:
         if judged is None:
             return None
+        until, hold_s = self._contact_until, self._settings.hold_s
         self._n_blind += int(judged.blind.any())
-        if judged.touched.any():
-            self._n_contacts += int(t > self._contact_until)
-            self._contact_until = t + self._settings.hold_s
-            return True
+        self._n_contacts += int(judged.touched.any() and (t > until).all())
+        until[judged.touched] = t + hold_s
         # a clock that was set back must not hold a contact for ever
-        return bool(0.0 <= self._contact_until - t <= self._settings.hold_s)
+        return np.asarray(judged.touched | ((until >= t) & (until <= t + hold_s)))
 
     def _learn(self, step: float, dq: Array, external: ExternalTorque) -> None:
         if self._free is None or not self._free.add(step, dq, external):
             return
         found, self._free = self._free, None
+        (low, high), least_error = self._trained, self._per_joint('deviation_torque')
         try:
-            low, high = self._trained
-            found.require_motion(self.joint_names, high[1] - low[1])
-            self._detector = found.detector(
-                self.joint_names, self._smallest, self._per_joint('deviation_torque')
-            )
-            self._failure = ''
+            self.calibration = found.calibration(self.joint_names, high[1] - low[1], least_error)
+            self._detector = self.calibration.detector(self.joint_names, self._smallest)
+            self.failure = ''
         except DataError as error:
-            self._failure = f'not calibrated: {error}'
+            self.failure = f'not calibrated: {error}'
 
     def _configured(self) -> ContactDetector:
         shares = np.stack([self._per_joint(name) for name in DEVIATIONS_OF])
@@ -352,6 +382,7 @@ class Monitor:
         }
 
     def _per_joint(self, name: str) -> Array:
-        return by_joint(
-            name, getattr(self._settings, name), self._settings.joints, self.joint_names, 0.0
-        )
+        return self._by_joint(name, getattr(self._settings, name))
+
+    def _by_joint(self, name: str, values: Sequence[float]) -> Array:
+        return by_joint(name, values, self._settings.joints, self.joint_names, 0.0)

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+import json
 import math
 import sys
 import time
+from typing import Any
 
-from control_msgs.msg import DynamicInterfaceGroupValues
+from control_msgs.msg import DynamicInterfaceGroupValues, DynamicJointState
+import numpy as np
 from pal_statistics_msgs.msg import Statistics
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float64
+from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
+from lip_id_ros.errors import one_line
+from lip_id_ros.files import state_folder, write_whole
 from lip_id_ros.monitoring.monitor import Monitor, MonitorSettings, Watched
 from lip_id_ros.nodes import messages, qos, running
 from lip_id_ros.nodes.node import NodeBase
@@ -29,13 +37,17 @@ class MonitorNode(NodeBase):
         settings = MonitorSettings(**self.values())
         self._monitor = Monitor(settings)
         self._torque = self.create_publisher(JointState, '~/external_torque', qos.OUTPUT)
-        self._std = self.create_publisher(JointState, '~/external_torque_std', qos.OUTPUT)
-        self._contact = self.create_publisher(Bool, '~/contact', qos.OUTPUT)
-        self._blind = self.create_publisher(Bool, '~/blind', qos.OUTPUT)
+        self._contact = self.create_publisher(DynamicJointState, '~/contact', qos.OUTPUT)
         self._total = self.create_publisher(Float64, '~/total_energy', qos.OUTPUT)
         self._unexplained = self.create_publisher(Float64, '~/power_unexplained', qos.OUTPUT)
         self._energy = self.create_publisher(Statistics, '~/energy', qos.OUTPUT)
-        self.create_service(Trigger, '~/calibrate', self._on_calibrate)
+        self._calibrated: Future | None = None
+        self.create_service(
+            Trigger,
+            '~/calibrate',
+            self._on_calibrate,
+            callback_group=ReentrantCallbackGroup(),  # a call begins anew while another waits
+        )
         self.create_subscription(JointState, 'joint_states', self._on_joint_state, qos.WATCHED)
         if settings.follow_adaptation:
             self.create_subscription(
@@ -46,6 +58,16 @@ class MonitorNode(NodeBase):
         """Return the state of the monitor and its counts."""
         return Status(*self._monitor.judge(time.monotonic()), self._monitor.values())
 
+    def check_change(self, values: Mapping[str, Any]) -> None:
+        """Refuse contacts that the last calibration does not show."""
+        if 'smallest_contact' in values:
+            self._monitor.require_shown(values['smallest_contact'])
+
+    def apply_change(self, values: Mapping[str, Any]) -> None:
+        """Detect contacts of another size from the next joint state on."""
+        if 'smallest_contact' in values:
+            self._monitor.find(values['smallest_contact'])
+
     def _on_joint_state(self, message: JointState) -> None:
         try:
             watched = self._monitor.take(from_joint_state(message))
@@ -54,6 +76,9 @@ class MonitorNode(NodeBase):
             return
         if watched is not None:
             self._publish(message, watched)
+        if self._calibrated is not None and not self._monitor.is_calibrating:
+            self._calibrated.set_result('')
+            self._calibrated = None
 
     def _on_update(self, message: DynamicInterfaceGroupValues) -> None:
         try:
@@ -76,16 +101,56 @@ class MonitorNode(NodeBase):
                 'power_unexplained': energy.unexplained,
             }
             self._energy.publish(messages.statistics_message(stamp, energies))
-        if watched.judged is not None:
-            self._std.publish(messages.torque_message(stamp, names, watched.judged.std))
-            self._blind.publish(Bool(data=bool(watched.judged.blind.any())))
-            self._contact.publish(Bool(data=watched.contact))
+        if watched.judged is not None and watched.contact is not None:
+            values = {
+                'torque': watched.external.torque,
+                'deviation': watched.judged.std,
+                'threshold': watched.judged.threshold,
+                'contact': watched.contact,
+                'blind': watched.judged.blind,
+            }
+            self._contact.publish(messages.joint_values_message(stamp, names, values))
 
-    def _on_calibrate(
+    async def _on_calibrate(
         self, request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        response.success, response.message = True, self._monitor.calibrate()
+        """Answer once the motion has been watched."""
+        if self._calibrated is not None:
+            self._calibrated.set_result('begun anew by another call')
+        self.get_logger().info(self._monitor.calibrate())
+        self._calibrated = calibrated = Future(executor=self.executor)
+        response.message = await calibrated
+        if not response.message:
+            response.success, response.message = not self._monitor.failure, self._ended()
         return response
+
+    def _ended(self) -> str:
+        """Log how a calibration has ended; keep parameters that do."""
+        failure, found = self._monitor.failure, self._monitor.calibration
+        names = self._monitor.joint_names
+        sentences = [failure or f'calibrated: {found.in_words(names) if found else ""} would show']
+        if parameters := self._monitor.parameters():
+            path = state_folder(self.get_fully_qualified_name()) / 'monitor.yaml'
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                text = parameter_file(self.get_fully_qualified_name(), names, parameters)
+                write_whole(path, text.encode())
+                sentences.append(f'parameters that do are in {path}')
+            except OSError as error:
+                sentences.append(one_line(error))
+        text = '; '.join(sentences)
+        logger = self.get_logger()
+        (logger.error if failure else logger.info)(text)
+        return text
+
+
+def parameter_file(node: str, joints: Sequence[str], values: Mapping[str, Any]) -> str:
+    """Return a parameter file of numbers for each joint, in four digits."""
+    lines = [f'{node}:', '  ros__parameters:', f'    joints: {json.dumps(joints)}']
+    for name, row in values.items():
+        shown = (np.format_float_positional(x, 4, fractional=False, trim='0') for x in row)
+        lines.append(f'    {name}: [{", ".join(shown)}]')
+    return '\n'.join([*lines, ''])
 
 
 def main() -> int:

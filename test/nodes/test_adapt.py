@@ -191,7 +191,6 @@ def test_a_payload_of_one_arm_is_not_carried_by_another(ros: Ros, path: str) -> 
     def announced(side: str) -> float:
         name = f'{side}/adapt'
         client.forget(f'/{name}/status')
-        client.received.pop(f'/{name}/status', None)
         return float(client.status(name, lambda status: 'announced_kg' in status)['announced_kg'])
 
     nodes = started()

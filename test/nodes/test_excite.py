@@ -13,9 +13,10 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('control_msgs', reason='needs control_msgs')
 
+from control_msgs.msg import DynamicJointState
 from nodes.moved_arm import ACTION, JOINTS, REFERENCE
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, String
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lip_id_ros.model import InverseDynamicsModel
@@ -462,7 +463,7 @@ def test_a_monitor_that_dies_stops_the_motion(ros: Ros, tmp_path: Path, model_pa
     unmoved = {'smallest_contact': [1e3], 'deviation_constant': [1e3]}  # it knows another arm
     monitor = graph.start('monitor', model_path=model_path, **unmoved)
     started(ros, tmp_path, stale_timeout_s=1.0)
-    contacts = client.listen(Bool, '/monitor/contact')
+    contacts = client.listen(DynamicJointState, '/monitor/contact')
     client.wait_until(lambda: contacts, 'a word on contacts')
     begin_to_move(client)
     monitor.send(signal.SIGKILL)
