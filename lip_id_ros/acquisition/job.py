@@ -25,6 +25,9 @@ _ARRAYS = ('t', 'position', 'velocity', 'effort')
 SAVING = 'result saved'
 """Stage of a job in which it can no longer be cancelled."""
 
+MOST_RESULTS = 10
+"""Of jobs that have ended, which are found by their numbers."""
+
 
 @dataclass(frozen=True)
 class Task:
@@ -135,7 +138,7 @@ def _pass_on(folder: str, sections: Sequence[JointSamples]) -> None:
 
 class Jobs:
     """
-    Run jobs, one after the other, each in a process of its own.
+    Run jobs, one after the other, each in a process of its own; `ended`: the last, by number.
 
     A process, not a thread: the interpreter stays free for messages, and a crash stays there. It
     gets a session of its own, so that Ctrl-C in a terminal reaches it only through the node.
@@ -147,6 +150,7 @@ class Jobs:
         self._cancelled = False
         self._work: Future[Mapping[str, Any]] | None = None
         self.state = JobState()
+        self.ended: dict[int, JobState] = {}
 
     def start(self, task: Task, sections: Sequence[JointSamples]) -> Future[Mapping[str, Any]]:
         """
@@ -204,14 +208,18 @@ class Jobs:
                 _pass_on(folder, sections)
                 outcome = self._follow(task, folder)
         except Exception as error:  # whatever it was, nothing is running any more
-            self.state = replace(self.state, state='failed', error=str(error))
+            self._end_as(replace(self.state, state='failed', error=str(error)))
             raise
-        self.state = outcome
+        self._end_as(outcome)
         if outcome.state == 'cancelled':
             raise LipIdError(f'the {outcome.task} was cancelled.')
         if outcome.state == 'failed':
             raise LipIdError(outcome.error)
         return outcome.result
+
+    def _end_as(self, state: JobState) -> None:
+        latest = [*self.ended.items(), (state.number, state)][-MOST_RESULTS:]
+        self.ended, self.state = dict(latest), state
 
     def _follow(self, task: Task, folder: str) -> JobState:
         """Run `job_process`; return the last state once the process has ended."""

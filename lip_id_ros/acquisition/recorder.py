@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -32,6 +33,18 @@ LEAST_GAP_S = 0.0625
 
 DISTURBED_S = 1.0
 """A contact or a blocked joint is noticed within this time."""
+
+LONGEST_WAIT_S = 0.4
+"""Without a sample, a status every half second warns within a second."""
+
+REMEDIES = {
+    Reason.NO_NAMES: 'have the driver name its joints',
+    Reason.MISSING_JOINT: (
+        'have one publisher send all recording.joints in each message, as joint_state_publisher '
+        'does with its source_list'
+    ),
+    Reason.ZERO_STAMP: 'have the driver stamp its joint states',
+}
 
 FORGETTING = 0.05
 """The usual step is the mean of about twenty."""
@@ -68,7 +81,8 @@ class Recorder(Sections):
 
     def __init__(self, joint_names: Sequence[str], max_rows: int) -> None:
         super().__init__(joint_names, max_rows)
-        self.recording = False
+        self.recording = self._was_recording = False
+        self._waits_since, self._before = 0.0, (0, Counter[str]())
 
     def add(self, message: JointMessage) -> Reason | None:
         """Take one message while recording, or reject and count it."""
@@ -207,9 +221,31 @@ class Recorder(Sections):
         """Return why there is nothing to fit, in a sentence."""
         found = ', '.join([f'no samples of {topic} are kept', *self._complaints()])
         remedy = 'call record and move the arm, or name recordings with bags'
-        if self._other_joints:
-            remedy = f'choose recording.joints among {", ".join(self._other_joints)}'
-        return f'{found}; {remedy}.'
+        return f'{found}; {self._remedy(self.counts) or remedy}.'
+
+    def trouble(self, topic: str, is_published: bool, now: float) -> str:
+        """Return why no sample has come for a while, with a remedy; empty where some do."""
+        waits = self.recording and self._was_recording and not self.is_full
+        self._was_recording = self.recording
+        if not waits or len(self) != self._before[0]:
+            self._waits_since, self._before = now, (len(self), self.counts)
+        if now - self._waits_since < LONGEST_WAIT_S:
+            return ''
+        if not is_published:
+            return f'nothing is recorded: nobody publishes {topic}; start the driver, or remap it'
+        new = self.counts - self._before[1]
+        if not new:
+            return f'nothing is recorded: no message of {topic} comes; look at its publisher'
+        return (
+            f'nothing is recorded: messages of {topic} are rejected, mostly for: '
+            f'{new.most_common(1)[0][0]}; {self._remedy(new) or "correct the driver"}'
+        )
+
+    def _remedy(self, counts: Counter[str]) -> str:
+        reason = next((each for each, _ in counts.most_common(1)), '')
+        if reason == Reason.FOREIGN_JOINTS:
+            return f'choose recording.joints among {", ".join(self._other_joints)}'
+        return REMEDIES.get(Reason(reason), '') if reason else ''
 
     @property
     def _other_joints(self) -> list[str]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import asdict
 import sys
+import time
 from typing import Any
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -40,9 +41,7 @@ class TrainNode(NodeBase):
         check_together(self.values())
         require_writable('unsaved_path', self._settings().unsaved_path)
         self._jobs = Jobs()
-        self._reported = JobState()
-        self._alarming_before = 0
-        self._endangered = ''
+        self._reported = self._alarming_before = 0
         self._recorder = self._new_recorder()
         self._recorder.recording = self._settings().record_on_start
         self._subscription = self.create_subscription(
@@ -142,27 +141,28 @@ class TrainNode(NodeBase):
         return self._answer(response, True, f'cancelled the {task}')
 
     def _on_fit(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            path = self._settings().model_path
-            require_writable('model_path', path)
-            sources, _, _ = self._start('fit', path)
-        except LipIdError as error:
-            return self._answer(response, False, str(error))
-        text = f'fitting {sources} into {path}; progress and outcome are in ~/status'
-        return self._answer(response, True, text)
+        settings = self._settings()
+        return self._begin(response, 'fit', model_path=settings.model_path)
 
     def _on_payload(
         self, request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
+        settings = self._settings()
+        paths = {'payload_path': settings.payload_path}
+        if settings.payload_model_path:
+            paths['payload_model_path'] = settings.payload_model_path
+        return self._begin(response, 'payload', **paths)
+
+    def _begin(self, response: Any, kind: str, **paths: str) -> Any:
+        """Begin a job; answer with its number, by which ~/status has its result."""
         try:
-            settings = self._settings()
-            require_writable('payload_path', settings.payload_path)
-            if settings.payload_model_path:
-                require_writable('payload_model_path', settings.payload_model_path)
-            sources, _, _ = self._start('payload', settings.payload_path)
+            for name, path in paths.items():
+                require_writable(name, path)
+            sources, _, _ = self._start(kind, next(iter(paths.values())))
         except LipIdError as error:
             return self._answer(response, False, str(error))
-        text = f'finding the payload in {sources}; progress and outcome are in ~/status'
+        number = self._jobs.state.number
+        text = f'job {number}: {kind} of {sources}; ~/status has its end under results.{number}'
         return self._answer(response, True, text)
 
     async def _on_save_dataset(
@@ -222,34 +222,51 @@ class TrainNode(NodeBase):
 
     def status(self) -> Status:
         """Return what is recorded and where the job stands."""
-        job = self._jobs.state
-        self._endangered = self._recorder.endangered(self._settings().unsaved_path)
-        self._report(job)
-        values = {**self._recorder.status(), 'job': asdict(job)}
-        return Status(self._level(job), self._summary(job), values)
-
-    def _summary(self, job: JobState) -> str:
+        job, now = self._jobs.state, time.monotonic()
+        is_published = self.count_publishers(self._topic) > 0
+        unheard = self._recorder.trouble(self._topic, is_published, now)
+        if unheard:
+            self.warn(unheard, unheard)
+        endangered = self._recorder.endangered(self._settings().unsaved_path)
+        troubles = [each for each in (unheard, endangered) if each]
+        self._report()
         work = f', {job.task} {job.state}' if job.state != 'idle' else ''
-        return '; '.join([self._recorder.summary + work, *filter(None, [self._endangered])])
+        results = {str(number): _result(each) for number, each in self._jobs.ended.items()}
+        return Status(
+            self._level(job, troubles),
+            '; '.join([self._recorder.summary + work, *troubles]),
+            {**self._recorder.status(), 'job': asdict(job), 'results': results},
+        )
 
-    def _level(self, job: JobState) -> Level:
+    def _level(self, job: JobState, troubles: list[str]) -> Level:
         alarming = self._recorder.n_alarming + self._recorder.gaps.count
         rose, self._alarming_before = alarming > self._alarming_before, alarming
         if job.state == 'failed':
             return Level.ERROR
-        return Level.WARN if rose or self._recorder.is_full or self._endangered else Level.OK
+        return Level.WARN if rose or self._recorder.is_full or troubles else Level.OK
 
-    def _report(self, job: JobState) -> None:
-        if job.state == self._reported.state and job.task == self._reported.task:
-            return
-        self._reported = job
-        if job.state == 'failed':
-            self.get_logger().error(f'{job.task} failed: {job.error}')
-        elif job.state == 'done':
-            self.get_logger().info(f'{job.task} done: {job.result["path"]}')
+    def _report(self) -> None:
+        """Log jobs that have ended."""
+        for number, job in self._jobs.ended.items():
+            if number <= self._reported:
+                continue
+            self._reported = number
+            if job.state == 'failed':
+                self.get_logger().error(f'{job.task} failed: {job.error}')
+            elif job.state == 'done':
+                self.get_logger().info(f'{job.task} done: {job.result["path"]}')
             for kind in ('left_out', 'cautions'):
                 for sentence in job.result.get(kind, ()):
                     self.get_logger().warning(sentence)
+
+
+def _result(job: JobState) -> dict[str, str]:
+    return {
+        'task': job.task,
+        'state': job.state,
+        'path': job.result.get('path', ''),
+        'error': job.error,
+    }
 
 
 def main() -> int:

@@ -20,7 +20,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.nodes import qos
+from lip_id_ros.nodes import messages, qos
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Process, Ros
@@ -469,6 +469,19 @@ def test_a_monitor_that_dies_stops_the_motion(ros: Ros, tmp_path: Path, model_pa
     monitor.send(signal.SIGKILL)
     ended = client.status('excite', lambda status: status['stage'] == 'stopped')
     assert 'the monitor is silent for 1' in ended['summary']
+    await_hold_where_measured(client)
+
+
+def test_a_contact_at_any_joint_stops_the_motion(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    started(ros, tmp_path)
+    monitor = client.speak(DynamicJointState, '/monitor/contact', qos.OUTPUT)
+    begin_to_move(client)
+    values = {'torque': np.array([0.1, 9.0]), 'contact': np.array([0.0, 1.0])}
+    stamp = client.node.get_clock().now().to_msg()
+    monitor.publish(messages.joint_values_message(stamp, JOINTS, values))
+    ended = client.status('excite', lambda status: status['stage'] == 'stopped')
+    assert 'the monitor has found a contact' in ended['summary']
     await_hold_where_measured(client)
 
 
