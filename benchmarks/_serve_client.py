@@ -124,7 +124,7 @@ def _updates(path: str, count: int) -> list[Update]:
     for number in range(count):
         numbers = arm.start.copy()
         numbers[arm.friction] *= 1.0 + 0.1 * np.sin(number)
-        found.append(Update(model.fingerprint, numbers, True, (1.0, 1.0)))
+        found.append(Update(model.fingerprint, numbers, True))
     return found
 
 

@@ -16,7 +16,8 @@ import pytest
 from lip_id_ros.acquisition.recorder import Recorder
 from lip_id_ros.adaptation.live import AdaptSettings, LiveAdaptation
 from lip_id_ros.feedforward.server import Server
-from lip_id_ros.monitoring.monitor import Monitor, MonitorSettings
+from lip_id_ros.monitoring.monitor import Monitor
+from lip_id_ros.monitoring.settings import MonitorSettings
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'lip_id_ros'

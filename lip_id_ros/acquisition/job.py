@@ -36,9 +36,9 @@ class Task:
 
     `settings`: of a fit by ``section.name``, or the fields of a `MotionRequest`. `bags`:
     recordings and data sets that are used as well. `holdout`: share of the samples that is kept
-    out of a fit. `niceness`: how much it gives way to other processes. `model`: file of the arm
-    whose payload is sought. `payload_model`: where the model with the payload is saved; empty for
-    nowhere. `flange`: its frame, as in `export.payload`.
+    out of a fit. `model`: file of the arm whose payload is sought. `payload_model`: where the
+    model with the payload is saved; empty for nowhere. `flange`: its frame, as in
+    `export.payload`.
     """
 
     kind: str
@@ -46,7 +46,6 @@ class Task:
     path: str
     bags: Sequence[str] = ()
     holdout: float = 0.0
-    niceness: int = 0
     model: str = ''
     payload_model: str = ''
     flange: tuple[float, float] = (0.0, 0.0)
@@ -70,6 +69,12 @@ class JobState:
     result: Mapping[str, Any] = field(default_factory=dict)
     error: str = ''
     number: int = field(default=0, compare=False)
+
+    @property
+    def brief(self) -> dict[str, str]:
+        """How it has ended."""
+        path = self.result.get('path', '')
+        return {'task': self.task, 'state': self.state, 'path': path, 'error': self.error}
 
 
 def in_words(n_samples: int, bags: Sequence[str]) -> str:
@@ -176,17 +181,10 @@ class Jobs:
         self._end()
         wait([self._work], STOP_SECONDS)
         ended = self.state
-        if ended.state == 'running' and self._is_saving():
+        if ended.state in ('done', 'failed') or self._is_saving():
             raise LipIdError(
-                f'the {ended.task} saves its result already; ~/status shows when it is done.'
+                f'the {ended.task} could not be cancelled any more; ~/status shows its end.'
             )
-        if ended.state == 'done':
-            raise LipIdError(
-                f'the {ended.task} was done before it could be cancelled; its result is in '
-                f'{ended.result["path"]}.'
-            )
-        if ended.state == 'failed':
-            raise LipIdError(f'the {ended.task} had failed: {ended.error}')
         return ended.task
 
     def stop(self) -> None:

@@ -220,10 +220,9 @@ class Recorder(Sections):
     def why_empty(self, topic: str) -> str:
         """Return why there is nothing to fit, in a sentence."""
         found = ', '.join([f'no samples of {topic} are kept', *self._complaints()])
-        remedy = 'call record and move the arm, or name recordings with bags'
-        return f'{found}; {self._remedy(self.counts) or remedy}.'
+        return f'{found}; {self._remedy(self.counts)}.'
 
-    def trouble(self, topic: str, is_published: bool, now: float) -> str:
+    def trouble(self, topic: str, now: float) -> str:
         """Return why no sample has come for a while, with a remedy; empty where some do."""
         waits = self.recording and self._was_recording and not self.is_full
         self._was_recording = self.recording
@@ -231,21 +230,21 @@ class Recorder(Sections):
             self._waits_since, self._before = now, (len(self), self.counts)
         if now - self._waits_since < LONGEST_WAIT_S:
             return ''
-        if not is_published:
-            return f'nothing is recorded: nobody publishes {topic}; start the driver, or remap it'
         new = self.counts - self._before[1]
         if not new:
-            return f'nothing is recorded: no message of {topic} comes; look at its publisher'
-        return (
-            f'nothing is recorded: messages of {topic} are rejected, mostly for: '
-            f'{new.most_common(1)[0][0]}; {self._remedy(new) or "correct the driver"}'
-        )
+            return (
+                f'nothing is recorded: no message of {topic} comes; start the driver, or remap it'
+            )
+        reason, remedy = new.most_common(1)[0][0], self._remedy(new)
+        return f'nothing is recorded: {topic} is rejected, mostly for: {reason}; {remedy}'
 
     def _remedy(self, counts: Counter[str]) -> str:
-        reason = next((each for each, _ in counts.most_common(1)), '')
-        if reason == Reason.FOREIGN_JOINTS:
-            return f'choose recording.joints among {", ".join(self._other_joints)}'
-        return REMEDIES.get(Reason(reason), '') if reason else ''
+        match counts.most_common(1):
+            case [(Reason.FOREIGN_JOINTS, _)]:
+                return f'choose recording.joints among {", ".join(self._other_joints)}'
+            case [(reason, _)]:
+                return REMEDIES.get(Reason(reason), 'correct the driver')
+        return 'call record and move the arm, or name recordings with bags'
 
     @property
     def _other_joints(self) -> list[str]:

@@ -114,13 +114,6 @@ class TrainSettings(Settings):
         minimum=1,
         applies=WHILE_EMPTY,
     )
-    fit_niceness: int = setting(
-        5,
-        'How much a fit gives way to other processes of the machine.',
-        minimum=0,
-        maximum=19,
-        applies=NEXT_JOB,
-    )
     executor: str = executor_setting()
 
 

@@ -29,9 +29,9 @@ class AdaptedModel:
 
     An update is refused, counted by reason, that is not finite, not of this model, not of the node
     that is followed, not newer or too old, no arm that can exist, or further from the fit than is
-    followed. The commissioned model comes back when updates stop, where one says that it is worse,
-    and when `go_back` is called. Torques are blended, with friction as drives have it; times are
-    on any steady clock [s]. ModelError if the model is no arm.
+    followed. The commissioned model comes back when updates stop, and when `go_back` is called.
+    Torques are blended, with friction as drives have it; times are on any steady clock [s].
+    ModelError if the model is no arm.
 
     """
 
@@ -49,7 +49,7 @@ class AdaptedModel:
         self._newest: InverseDynamicsModel | None = model
         self._share, self._at = 1.0, -np.inf
         self._await_updates()
-        self.tally = Tally('followed', 'untrusted', 'worse')
+        self.tally = Tally('followed', 'untrusted')
         self.n_gone_back = 0
 
     @property
@@ -86,10 +86,6 @@ class AdaptedModel:
             self._check(update, age)
             self._source, self._stamp_ns = update.source, update.stamp_ns
             self._heard, self._is_silent = now - max(age, 0.0), False
-            if update.is_worse:
-                self.tally.used['worse'] += 1
-                self.go_back('an update is worse than the commissioned model')
-                return
             self.tally.used['followed' if update.trusted else 'untrusted'] += 1
             self._why = '' if update.trusted else 'what was learned is not trusted now'
             self.use(update.numbers)

@@ -37,6 +37,8 @@ SILENCE_S = 2.0
 OUTCOMES = ('learned', 'held', 'disturbed', 'resting', 'settling', 'stuck')
 """Keys of the status, in the order of the outcomes of the filter."""
 
+SAVE_PERIOD_S = 60.0
+
 MOST = 1e6
 """No position, velocity or torque of an arm is larger."""
 
@@ -45,6 +47,8 @@ ONE_WAY = 0.98
 Low-passed sign of the velocity below which a joint has turned just now: its torque is a mixture of
 friction before and after, of which nothing is learned.
 """
+
+TOO_FAR = 'friction has changed by more than is followed; look at the arm.'
 
 SPARSE = f'nothing is learned: joint states are over {LONGEST_GAP_S:g} s apart, or have just begun'
 
@@ -90,7 +94,7 @@ class AdaptSettings(Settings):
         'How often updates are published.',
         unit='Hz',
         minimum=0.1,
-        maximum=50.0,
+        maximum=10.0,
         applies=AT_START,
     )
     state_path: str = setting(
@@ -98,9 +102,6 @@ class AdaptSettings(Settings):
         'File in which what was learned is kept; empty for adaptation.npz in the state folder of '
         f'the node, the word {NOT_KEPT} for none.',
         applies=AT_START,
-    )
-    save_period_s: float = setting(
-        60.0, 'How often it is written.', unit='s', minimum=1.0, applies=AT_START
     )
     alarm_change: float = setting(
         0.5,
@@ -158,9 +159,10 @@ class LiveAdaptation:
         self._node, self._path = node, path_of(settings.state_path, node)
         self._saved_at, self._failure, self.note = now, '', ''
         self._found: list[Change] = []
-        self._beyond: tuple[str, ...] = ()
-        self._alarmed: set[str] = set()
-        self._warm_up()
+        self._is_beyond = False
+        self._alarms: dict[str, str] = {}
+        still = np.zeros((1, model.n_joints))
+        Adaptation(model).update(np.zeros(1), still, still, still, still)  # compiled now
 
     def begin(self, clock: float) -> None:
         """Go on from the file of the last time, by the clock of the computer [s]."""
@@ -228,17 +230,13 @@ class LiveAdaptation:
         if used > self._n_used or self._used_at is None:
             self._n_used, self._used_at = used, now
         self._learn(now)
-        self._found = changes(self._adaptation)
-        arm = self._adaptation.arm
-        marks = arm.beyond(self._adaptation.numbers)
-        self._beyond = tuple(
-            name for name, mark in zip(self.joint_names, marks, strict=True) if mark
-        )
-        if now - self._saved_at > self.settings.save_period_s:
+        if now - self._saved_at > SAVE_PERIOD_S:
             self._saved_at = now
             self.save(clock)
+        payloads = tuple(self._adaptation.payload_events)
+        self._adaptation.payload_events.clear()
         carried = parts_of(self._adaptation.carried_body)
-        return Step(self._update(now), self._new_payloads(), carried, self._new_alarms())
+        return Step(self._update(now), payloads, carried, self._new_alarms())
 
     def save(self, clock: float) -> None:
         """Write what was learned; a failure is in the status."""
@@ -316,27 +314,18 @@ class LiveAdaptation:
         self._is_to_be_told = False
         self._n_updates += 1
         own, numbers = self._adaptation, self._adaptation.trusted_numbers.copy()
-        return Update(own.commissioned.fingerprint, numbers, own.is_trusted, own.errors)
-
-    def _new_payloads(self) -> tuple[PayloadEvent, ...]:
-        events = self._adaptation.payload_events
-        new = tuple(events)
-        events.clear()
-        return new
+        return Update(own.commissioned.fingerprint, numbers, own.is_trusted)
 
     def _new_alarms(self) -> tuple[str, ...]:
         """Return sentences that were not said before, of joints that are not back meanwhile."""
-        present = {each.joint: each.sentence() for each in self._alarming()}
-        present |= {name: self._too_far(name) for name in self._beyond}
-        new = tuple(text for name, text in present.items() if name not in self._alarmed)
-        self._alarmed = set(present)
-        return new
-
-    def _alarming(self) -> list[Change]:
-        return [each for each in self._found if each.share >= self.settings.alarm_change]
-
-    def _too_far(self, joint: str) -> str:
-        return f'{joint}: friction has changed by more than is followed; look at the arm.'
+        own, before = self._adaptation, self._alarms
+        self._found = changes(own)
+        large = [each for each in self._found if each.share >= self.settings.alarm_change]
+        beyond = [self.joint_names[k] for k in np.flatnonzero(own.arm.beyond(own.numbers))]
+        self._is_beyond = bool(beyond)
+        self._alarms = {each.joint: each.sentence() for each in large}
+        self._alarms |= {name: f'{name}: {TOO_FAR}' for name in beyond}
+        return tuple(text for name, text in self._alarms.items() if name not in before)
 
     # the status
 
@@ -346,17 +335,15 @@ class LiveAdaptation:
         is_silent = silence > SILENCE_S or not self._n_used
         refused, are_sparse = self._tally.new_refusals(), self._are_sparse()
         trouble = f'joint states refused: {in_words(refused)}' if refused else 'no joint states'
-        beyond = [self._too_far(name) for name in self._beyond]
         doubts = [
+            *self._alarms.values(),
             f'{trouble}: no updates' if is_silent else trouble if refused else '',
             *(self._wrong_payload, self._failure, self.note),
-            *(each.sentence() for each in self._alarming()),
             SPARSE if are_sparse else '',
         ]
-        level = Level.ERROR if beyond else Level.WARN if any(doubts) else Level.OK
-        summary = '; '.join(filter(None, [*beyond, *doubts]))
-        usual = 'following' if self._is_trusted else 'as commissioned'
-        return Status(level, summary or usual, self.values())
+        level = Level.ERROR if self._is_beyond else Level.WARN if any(doubts) else Level.OK
+        usual = 'following' if self._adaptation.is_trusted else 'as commissioned'
+        return Status(level, '; '.join(filter(None, doubts)) or usual, self.values())
 
     def _are_sparse(self) -> bool:
         """Whether all joint states since the last call came after a gap."""
@@ -365,17 +352,13 @@ class LiveAdaptation:
         new = used - before
         return new.total() > 1 and new.total() == new['after_a_gap']
 
-    @property
-    def _is_trusted(self) -> bool:
-        return self._adaptation.is_trusted
-
     def values(self) -> dict[str, Any]:
         """Return the state and the counts, JSON-able."""
         learned, fitted = self._adaptation.errors
         carried = self._adaptation.carried
         used = {key: n for key, n in self._tally.used.items() if key != 'learnable'}
         return {
-            'trusted': self._is_trusted,
+            'trusted': self._adaptation.is_trusted,
             'updates': self._n_updates,
             'error_adapted': round(learned, 3),
             'error_commissioned': round(fitted, 3),
@@ -390,9 +373,3 @@ class LiveAdaptation:
             'refused': dict(self._tally.refused),
             'note': self.note,
         }
-
-    def _warm_up(self) -> None:
-        """Compile what is needed later, with an arm of its own."""
-        still = np.zeros((1, len(self.joint_names)))
-        other = Adaptation(self._adaptation.commissioned)
-        other.update(np.zeros(1), still, still, still, still)

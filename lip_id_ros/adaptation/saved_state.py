@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from lip_id_ros.adaptation.adaptation import Adaptation
-from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError, SourceError
 from lip_id_ros.files import read_npz, state_folder, write_npz
 
@@ -57,17 +56,15 @@ def resume(path: Path, node: str, adaptation: Adaptation, now: float) -> None:
     try:
         arrays, header = read_npz(path)
         _check(path, header, node, adaptation.commissioned.fingerprint)
-        adaptation.resume(_numbers(arrays), now - float(header['saved_at']))
+        state = {name: np.asarray(each, dtype=np.float64) for name, each in arrays.items()}
+        adaptation.resume(state, now - float(header['saved_at']))
     except (ValueError, TypeError, KeyError, OverflowError) as error:
-        kept = _put_aside(path)
+        kept = path.with_name(f'{path.name}.old')
+        os.replace(path, kept)
         raise SourceError(
             f'{path} must be what adapt has saved of this model, but has {error}; it is kept as '
             f'{kept}, and what was learned begins anew.'
         ) from error
-
-
-def _numbers(arrays: Mapping[str, Array]) -> dict[str, Array]:
-    return {name: np.asarray(each, dtype=np.float64) for name, each in arrays.items()}
 
 
 def _check(path: Path, header: Mapping[str, object], node: str, model: str) -> None:
@@ -80,12 +77,3 @@ def _check(path: Path, header: Mapping[str, object], node: str, model: str) -> N
         )
     if header['model'] != model:
         raise ValueError('the state of another model')
-
-
-def _put_aside(path: Path) -> Path:
-    """Give a file a name that no other has."""
-    number = 1
-    while (kept := path.with_name(f'{path.name}.{number}')).exists():
-        number += 1
-    os.replace(path, kept)
-    return kept

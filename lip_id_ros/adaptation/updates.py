@@ -12,8 +12,8 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.signals.joint_states import NANOSECONDS
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
-STATE = ('trusted', 'error_adapted', 'error_commissioned')
-"""Names of the first values of a message; the numbers follow."""
+TRUSTED = 'trusted'
+"""Name of the first value of a message; the numbers follow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,30 +23,22 @@ class Update:
 
     `model`: hash of the commissioned model. `numbers`, shape (11 n + K,): parameters of the links,
     then coefficients of friction; those of the fit, with a known payload, where what was learned
-    is not `trusted`. `errors`: recent mean squares of measured torques about those expected and
-    those of the fit, in their variances. `source`: full name of the node. `stamp_ns`: when it was
-    published, by that node's clock [ns].
+    is not `trusted`. `source`: full name of the node. `stamp_ns`: when it was published, by that
+    node's clock [ns].
 
     """
 
     model: str
     numbers: Array
     trusted: bool
-    errors: tuple[float, float]
     source: str = ''
     stamp_ns: int = 0
 
     @property
-    def is_worse(self) -> bool:
-        """Whether what was learned is not better than the fit, by the update itself."""
-        learned, fitted = self.errors
-        return self.trusted and not learned <= fitted
-
-    @property
     def interface(self) -> tuple[Sequence[str], Array]:
         """Names and values, as a control_msgs/InterfaceValue has them."""
-        names = [*STATE, *(f'number_{k}' for k in range(self.numbers.size))]
-        return names, np.array([self.trusted, *self.errors, *self.numbers])
+        names = [TRUSTED, *(f'number_{k}' for k in range(self.numbers.size))]
+        return names, np.append(float(self.trusted), self.numbers)
 
     @classmethod
     def from_message(cls, message: Any) -> Update:
@@ -57,11 +49,9 @@ class Update:
         if len(groups) != 1 or len(interfaces) != 1:
             raise RefusedError(Refusal.NO_UPDATE)
         names, values = interfaces[0].interface_names, np.array(interfaces[0].values)
-        if tuple(names[: len(STATE)]) != STATE or len(names) != values.size:
+        if list(names[:1]) != [TRUSTED] or len(names) != values.size:
             raise RefusedError(Refusal.NO_UPDATE)
         if not np.isfinite(values).all():
             raise RefusedError(Refusal.NOT_FINITE_UPDATE)
-        trusted, *errors = values[: len(STATE)].tolist()
         stamp = NANOSECONDS * header.stamp.sec + header.stamp.nanosec
-        numbers = values[len(STATE) :]
-        return cls(groups[0], numbers, bool(trusted), (*errors,), header.frame_id, stamp)
+        return cls(groups[0], values[1:], bool(values[0]), header.frame_id, stamp)

@@ -39,9 +39,6 @@ LEAST_AT_REST = 0.5
 LEAST_MOTION = 0.2
 """Share of the training data's range of velocities that calibration must see of every joint."""
 
-MOST_KEPT = 20_000
-"""Estimates that are kept of a free motion, evenly spaced, so that it may last for hours."""
-
 SWEEPS, LEAST_VARIANCE = 10, 1e-9
 """Of the weighted least squares, and least variance of an estimate in the largest torque's."""
 
@@ -128,7 +125,7 @@ class Calibration:
     """
     What a motion without contact teaches.
 
-    `least`, shape (n,): smallest contacts that show in half of the motion [N m or N].
+    `least`, shape (n,): smallest contacts that show in half of the motion, in hundredths of a N m.
     """
 
     deviation: Deviation
@@ -154,7 +151,7 @@ class Calibration:
         terms = np.array([each.terms for each in settled])
         deviation = Deviation.fitted(np.array([x.torque for x in settled]), terms, torque_error)
         shown = DEVIATIONS * deviation.std(terms)
-        return cls(deviation, _rounded_up(np.median(shown, axis=0)))
+        return cls(deviation, np.ceil(100.0 * np.median(shown, axis=0)) / 100.0)
 
     def detector(self, joint_names: Sequence[str], smallest: ArrayLike) -> ContactDetector:
         """Return what detects these contacts; DataError if one is hidden most of the time."""
@@ -175,37 +172,23 @@ class Calibration:
     def in_words(self, joint_names: Sequence[str]) -> str:
         """Return the smallest contacts that show."""
         least = zip(joint_names, self.least, strict=True)
-        return f'{", ".join(f"{name} {value:.3g}" for name, value in least)} N m or N'
-
-
-def _rounded_up(values: Array) -> Array:
-    """Return numbers in three digits that do not fall below."""
-    unit = 10.0 ** (np.floor(np.log10(np.maximum(values, np.finfo(float).tiny))) - 2.0)
-    return np.asarray(np.ceil(values / unit) * unit)
+        return f'{", ".join(f"{name} {value:g}" for name, value in least)} N m or N'
 
 
 class FreeMotion:
-    """Estimates in so many seconds without contact; `kept`: at most `MOST_KEPT` of them."""
+    """Estimates in so many seconds without contact."""
 
     def __init__(self, seconds: float, n_joints: int) -> None:
         self._remaining = seconds
         self._low, self._high = np.full((2, n_joints), [[np.inf], [-np.inf]])
-        self.kept: list[ExternalTorque] = []
-        self._n, self._every = 0, 1
+        self._kept: list[ExternalTorque] = []
 
     def add(self, step: float, dq: Array, external: ExternalTorque) -> bool:
         """Take a sample, `step` [s] after the one before; return whether it is enough."""
-        self._keep(external)
+        self._kept.append(external)
         self._low, self._high = np.minimum(self._low, dq), np.maximum(self._high, dq)
         self._remaining -= step
         return self._remaining <= 0.0
-
-    def _keep(self, external: ExternalTorque) -> None:
-        if self._n % self._every == 0:
-            self.kept.append(external)
-        self._n += 1
-        if len(self.kept) > MOST_KEPT:
-            self.kept, self._every = self.kept[::2], 2 * self._every
 
     def calibration(
         self, joint_names: Sequence[str], trained: Array, torque_error: Array
@@ -223,4 +206,4 @@ class FreeMotion:
                     f'the velocity of {name} must span {least:.2g} rad/s or m/s, a fifth of the '
                     f'training data, but spanned {span:.2g}; call calibrate and move all joints.'
                 )
-        return Calibration.of(self.kept, torque_error)
+        return Calibration.of(self._kept, torque_error)

@@ -25,11 +25,7 @@ from lip_id_ros.signals.joints import RefusedError
 from lip_id_ros.signals.status import Status
 
 WATCH_PERIOD_S = 0.05
-
-
-def watch_period_s(publish_rate_hz: float) -> float:
-    """Return how often steps are watched [s]: each is published at the next watch."""
-    return min(WATCH_PERIOD_S, 0.5 / publish_rate_hz)
+"""Half the least period of updates: each is published at the watch after its step."""
 
 
 class AdaptNode(NodeBase):
@@ -55,7 +51,7 @@ class AdaptNode(NodeBase):
         self._subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_state, qos.SENSOR_STREAM
         )
-        self.create_steady_timer(watch_period_s(self._settings().publish_rate_hz), self._watch)
+        self.create_steady_timer(WATCH_PERIOD_S, self._watch)
 
     def stop(self) -> None:
         """Keep what was learned."""

@@ -20,7 +20,8 @@ from std_srvs.srv import Trigger
 
 from lip_id_ros.errors import one_line
 from lip_id_ros.files import state_folder, write_whole
-from lip_id_ros.monitoring.monitor import Monitor, MonitorSettings, Watched
+from lip_id_ros.monitoring.monitor import Monitor, Watched
+from lip_id_ros.monitoring.settings import MonitorSettings
 from lip_id_ros.nodes import messages, qos, running
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.recording.joint_messages import from_joint_state
@@ -61,12 +62,12 @@ class MonitorNode(NodeBase):
     def check_change(self, values: Mapping[str, Any]) -> None:
         """Refuse contacts that the last calibration does not show."""
         if 'smallest_contact' in values:
-            self._monitor.require_shown(values['smallest_contact'])
+            self._monitor.contacts.require_shown(values['smallest_contact'])
 
     def apply_change(self, values: Mapping[str, Any]) -> None:
         """Detect contacts of another size from the next joint state on."""
         if 'smallest_contact' in values:
-            self._monitor.find(values['smallest_contact'])
+            self._monitor.contacts.find(values['smallest_contact'])
 
     def _on_joint_state(self, message: JointState) -> None:
         try:
@@ -76,7 +77,7 @@ class MonitorNode(NodeBase):
             return
         if watched is not None:
             self._publish(message, watched)
-        if self._calibrated is not None and not self._monitor.is_calibrating:
+        if self._calibrated is not None and self._monitor.contacts.state != 'calibrating':
             self._calibrated.set_result('')
             self._calibrated = None
 
@@ -101,15 +102,8 @@ class MonitorNode(NodeBase):
                 'power_unexplained': energy.unexplained,
             }
             self._energy.publish(messages.statistics_message(stamp, energies))
-        if watched.judged is not None and watched.contact is not None:
-            values = {
-                'torque': watched.external.torque,
-                'deviation': watched.judged.std,
-                'threshold': watched.judged.threshold,
-                'contact': watched.contact,
-                'blind': watched.judged.blind,
-            }
-            self._contact.publish(messages.joint_values_message(stamp, names, values))
+        if watched.contacts is not None:
+            self._contact.publish(messages.joint_values_message(stamp, names, watched.contacts))
 
     async def _on_calibrate(
         self, request: Trigger.Request, response: Trigger.Response
@@ -117,31 +111,30 @@ class MonitorNode(NodeBase):
         """Answer once the motion has been watched."""
         if self._calibrated is not None:
             self._calibrated.set_result('begun anew by another call')
-        self.get_logger().info(self._monitor.calibrate())
+        self.get_logger().info(self._monitor.contacts.calibrate())
         self._calibrated = calibrated = Future(executor=self.executor)
         response.message = await calibrated
         if not response.message:
-            response.success, response.message = not self._monitor.failure, self._ended()
+            response.message = self._ended()
+            response.success = not self._monitor.contacts.failure
         return response
 
     def _ended(self) -> str:
         """Log how a calibration has ended; keep parameters that do."""
-        failure, found = self._monitor.failure, self._monitor.calibration
-        names = self._monitor.joint_names
-        sentences = [failure or f'calibrated: {found.in_words(names) if found else ""} would show']
-        if parameters := self._monitor.parameters():
-            path = state_folder(self.get_fully_qualified_name()) / 'monitor.yaml'
+        sentence, parameters = self._monitor.contacts.outcome()
+        name = self.get_fully_qualified_name()
+        path = state_folder(name) / 'monitor.yaml'
+        if parameters:
             try:
                 path.parent.mkdir(parents=True, exist_ok=True)
-                text = parameter_file(self.get_fully_qualified_name(), names, parameters)
+                text = parameter_file(name, self._monitor.joint_names, parameters)
                 write_whole(path, text.encode())
-                sentences.append(f'parameters that do are in {path}')
+                sentence += f'; parameters that do are in {path}'
             except OSError as error:
-                sentences.append(one_line(error))
-        text = '; '.join(sentences)
+                sentence += f'; {one_line(error)}'
         logger = self.get_logger()
-        (logger.error if failure else logger.info)(text)
-        return text
+        (logger.error if self._monitor.contacts.failure else logger.info)(sentence)
+        return sentence
 
 
 def parameter_file(node: str, joints: Sequence[str], values: Mapping[str, Any]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import asdict
+from functools import partial
 import sys
 import time
 from typing import Any
@@ -31,6 +32,13 @@ from lip_id_ros.nodes.running import outcome
 from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.settings.settings import WHILE_EMPTY
 from lip_id_ros.signals.status import Level, Status
+
+PATHS = {
+    'fit': ('model_path',),
+    'payload': ('payload_path', 'payload_model_path'),
+    'dataset': ('dataset_path',),
+}
+"""Parameters that name the files of a job; the first is that of its result."""
 
 
 class TrainNode(NodeBase):
@@ -68,11 +76,14 @@ class TrainNode(NodeBase):
 
     def _make_services(self) -> None:
         self.create_service(SetBool, '~/record', self._on_record)
-        self.create_service(Trigger, '~/end_disturbed', self._on_end_disturbed)
-        self.create_service(Trigger, '~/fit', self._on_fit)
-        self.create_service(Trigger, '~/payload', self._on_payload)
-        self.create_service(Trigger, '~/cancel', self._on_cancel)
-        self.create_service(Trigger, '~/clear', self._on_clear)
+        for name, work in (
+            ('end_disturbed', self._end_disturbed),
+            ('fit', lambda: self._begin('fit')),
+            ('payload', lambda: self._begin('payload')),
+            ('cancel', lambda: f'cancelled the {self._jobs.cancel()}'),
+            ('clear', self._clear),
+        ):
+            self.create_service(Trigger, f'~/{name}', partial(self._on_trigger, work))
         own_group = MutuallyExclusiveCallbackGroup()
         self.create_service(
             Trigger, '~/save_dataset', self._on_save_dataset, callback_group=own_group
@@ -121,57 +132,36 @@ class TrainNode(NodeBase):
         state = 'recording' if request.data else 'stopped'
         return self._answer(response, True, f'{state}, {len(self._recorder)} samples kept')
 
-    def _on_end_disturbed(
-        self, request: Trigger.Request, response: Trigger.Response
+    def _on_trigger(
+        self, work: Callable[[], str], request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        self._recorder.end_disturbed()
-        text = f'stopped; fits leave out the last {DISTURBED_S:g} s of the recording'
-        return self._answer(response, True, text)
+        """Answer with what work has done, or why it was refused."""
+        try:
+            return self._answer(response, True, work())
+        except LipIdError as error:
+            return self._answer(response, False, str(error))
 
-    def _on_clear(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _end_disturbed(self) -> str:
+        self._recorder.end_disturbed()
+        return f'stopped; fits leave out the last {DISTURBED_S:g} s of the recording'
+
+    def _clear(self) -> str:
         text = f'forgot {len(self._recorder)} samples'
         self._recorder.clear()
-        return self._answer(response, True, text)
+        return text
 
-    def _on_cancel(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            task = self._jobs.cancel()
-        except LipIdError as error:
-            return self._answer(response, False, str(error))
-        return self._answer(response, True, f'cancelled the {task}')
-
-    def _on_fit(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        settings = self._settings()
-        return self._begin(response, 'fit', model_path=settings.model_path)
-
-    def _on_payload(
-        self, request: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
-        settings = self._settings()
-        paths = {'payload_path': settings.payload_path}
-        if settings.payload_model_path:
-            paths['payload_model_path'] = settings.payload_model_path
-        return self._begin(response, 'payload', **paths)
-
-    def _begin(self, response: Any, kind: str, **paths: str) -> Any:
-        """Begin a job; answer with its number, by which ~/status has its result."""
-        try:
-            for name, path in paths.items():
-                require_writable(name, path)
-            sources, _, _ = self._start(kind, next(iter(paths.values())))
-        except LipIdError as error:
-            return self._answer(response, False, str(error))
+    def _begin(self, kind: str) -> str:
+        """Begin a job; return its number, by which ~/status has its result."""
+        self._start(kind)
+        sources = in_words(len(self._recorder), self._settings().bags)
         number = self._jobs.state.number
-        text = f'job {number}: {kind} of {sources}; ~/status has its end under results.{number}'
-        return self._answer(response, True, text)
+        return f'job {number}: {kind} of {sources}; ~/status has its end under results.{number}'
 
     async def _on_save_dataset(
         self, request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
         try:
-            path = self._settings().dataset_path
-            require_writable('dataset_path', path)
-            _, work, saved = self._start('dataset', path)
+            work, saved = self._start('dataset')
             result = await outcome(self, work)
         except (LipIdError, OSError) as error:
             return self._answer(response, False, str(error))
@@ -182,28 +172,26 @@ class TrainNode(NodeBase):
             saved()
         return self._answer(response, True, '; '.join(parts))
 
-    def _start(
-        self, kind: str, path: str
-    ) -> tuple[str, Future[Mapping[str, Any]], Callable[[], None]]:
-        """Start a job; return its sources in words, its future, and what to call once saved."""
+    def _start(self, kind: str) -> tuple[Future[Mapping[str, Any]], Callable[[], None]]:
+        """Start a job; return its future, and what to call once saved."""
         values = self.values()
+        for name in PATHS[kind]:
+            if values[name] or name != 'payload_model_path':
+                require_writable(name, values[name])
         sections = self._recorder.samples(self._topic)
         if not sections and not values['bags']:
             raise DataError(self._recorder.why_empty(self._topic))
         task = Task(
             kind,
             self._fit_values(kind, values),
-            path,
+            values[PATHS[kind][0]],
             bags=values['bags'],
             holdout=values['holdout'],
-            niceness=values['fit_niceness'],
             model=values['model_path'],
             payload_model=values['payload_model_path'],
             flange=(values['payload_flange_shift'], values['payload_flange_turn']),
         )
-        work = self._jobs.start(task, sections)
-        sources = in_words(len(self._recorder), values['bags'])
-        return sources, work, self._recorder.saving(sections)
+        return self._jobs.start(task, sections), self._recorder.saving(sections)
 
     def _fit_values(self, kind: str, values: Mapping[str, Any]) -> Mapping[str, Any]:
         found = fit_values(values)
@@ -222,21 +210,18 @@ class TrainNode(NodeBase):
 
     def status(self) -> Status:
         """Return what is recorded and where the job stands."""
-        job, now = self._jobs.state, time.monotonic()
-        is_published = self.count_publishers(self._topic) > 0
-        unheard = self._recorder.trouble(self._topic, is_published, now)
+        job = self._jobs.state
+        unheard = self._recorder.trouble(self._topic, time.monotonic())
         if unheard:
             self.warn(unheard, unheard)
         endangered = self._recorder.endangered(self._settings().unsaved_path)
         troubles = [each for each in (unheard, endangered) if each]
         self._report()
         work = f', {job.task} {job.state}' if job.state != 'idle' else ''
-        results = {str(number): _result(each) for number, each in self._jobs.ended.items()}
-        return Status(
-            self._level(job, troubles),
-            '; '.join([self._recorder.summary + work, *troubles]),
-            {**self._recorder.status(), 'job': asdict(job), 'results': results},
-        )
+        summary = '; '.join([self._recorder.summary + work, *troubles])
+        results = {str(number): each.brief for number, each in self._jobs.ended.items()}
+        values = {**self._recorder.status(), 'job': asdict(job), 'results': results}
+        return Status(self._level(job, troubles), summary, values)
 
     def _level(self, job: JobState, troubles: list[str]) -> Level:
         alarming = self._recorder.n_alarming + self._recorder.gaps.count
@@ -250,23 +235,13 @@ class TrainNode(NodeBase):
         for number, job in self._jobs.ended.items():
             if number <= self._reported:
                 continue
-            self._reported = number
+            self._reported, logger = number, self.get_logger()
             if job.state == 'failed':
-                self.get_logger().error(f'{job.task} failed: {job.error}')
+                logger.error(f'{job.task} failed: {job.error}')
             elif job.state == 'done':
-                self.get_logger().info(f'{job.task} done: {job.result["path"]}')
-            for kind in ('left_out', 'cautions'):
-                for sentence in job.result.get(kind, ()):
-                    self.get_logger().warning(sentence)
-
-
-def _result(job: JobState) -> dict[str, str]:
-    return {
-        'task': job.task,
-        'state': job.state,
-        'path': job.result.get('path', ''),
-        'error': job.error,
-    }
+                logger.info(f'{job.task} done: {job.result["path"]}')
+            for sentence in [*job.result.get('left_out', ()), *job.result.get('cautions', ())]:
+                logger.warning(sentence)
 
 
 def main() -> int:

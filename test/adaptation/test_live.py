@@ -174,7 +174,7 @@ def test_a_state_that_cannot_be_used_is_kept_aside(path: str, kind: str) -> None
     before = state.read_bytes()
     found = live(path)
     assert 'it is kept as' in found.values()['note']
-    assert state.with_name('state.npz.1').read_bytes() == before
+    assert state.with_name('state.npz.old').read_bytes() == before
     assert not state.exists()
     feed(found, states(known_model(), 3.0))
     assert found.status(1.0).level is Level.WARN

@@ -16,7 +16,8 @@ from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError, DataError, ModelError
 from lip_id_ros.model import DynamicsModel, InverseDynamicsModel, Prediction
-from lip_id_ros.monitoring.monitor import Monitor, MonitorSettings, Watched
+from lip_id_ros.monitoring.monitor import Monitor, Watched
+from lip_id_ros.monitoring.settings import MonitorSettings
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joints import RefusedError
 from lip_id_ros.signals.status import Level
@@ -45,8 +46,16 @@ def message(row: int, contact: float = 0.0, shift_s: float = 0.0) -> JointMessag
 
 
 def touches(watched: Watched) -> bool:
-    assert watched.contact is not None
-    return bool(watched.contact.any())
+    assert watched.contacts is not None
+    return bool(watched.contacts['contact'].any())
+
+
+def is_beyond(watched: Watched) -> bool:
+    """Whether a torque is beyond its threshold at a joint that sees."""
+    found = watched.contacts
+    assert found is not None
+    beyond = np.abs(found['torque']) > found['threshold']
+    return bool((beyond & ~found['blind']).any())
 
 
 def take(watching: Monitor, rows: range, contact: float = 0.0) -> list[Watched]:
@@ -57,9 +66,9 @@ def take(watching: Monitor, rows: range, contact: float = 0.0) -> list[Watched]:
 @pytest.mark.slow
 def test_a_contact_is_detected_in_time_after_calibration(path: str) -> None:
     watching = monitor(path)
-    assert all(each.contact is None for each in take(watching, range(200)))
+    assert all(each.contacts is None for each in take(watching, range(200)))
     assert watching.values()['state'] == 'not calibrated'
-    assert watching.calibrate() == (
+    assert watching.contacts.calibrate() == (
         'watching 5 s of motion; move all joints as in use, without any contact'
     )
     take(watching, range(200, 701))
@@ -94,7 +103,7 @@ def test_what_touches_is_a_contact_however_long_it_is_held(path: str, hold_s: fl
     watching = monitor(path, hold_s=hold_s, deviation_constant=(0.2,), deviation_torque=(0.0,))
     take(watching, range(300))
     pushed = take(watching, range(300, 330), contact=1.0)
-    touching = [touches(each) for each in pushed if each.judged and each.judged.touched.any()]
+    touching = [touches(each) for each in pushed if is_beyond(each)]
     assert touching
     assert all(touching)
 
@@ -138,7 +147,7 @@ def test_nothing_is_judged_before_the_observer_has_settled(path: str) -> None:
     watching = monitor(path, deviation_constant=(0.2,), deviation_torque=(0.0,))
     take(watching, range(100))
     began = take(watching, range(130, 150), contact=1.0)
-    blind = [bool(each.judged.blind.all()) for each in began if each.judged is not None]
+    blind = [bool(each.contacts['blind'].all()) for each in began if each.contacts is not None]
     assert blind == sorted(blind, reverse=True)
     assert blind.count(True) == 16  # 8 / 50 s
     assert not any(touches(each) for each in began[:16])
@@ -262,7 +271,7 @@ def test_a_calibration_that_failed_gives_the_smallest_contacts_and_keeps_the_dev
     path: str,
 ) -> None:
     watching = monitor(path, smallest_contact=(1e-4,), deviation_constant=(0.15,))
-    watching.calibrate()
+    watching.contacts.calibrate()
     take(watching, range(600))
     values = watching.values()
     assert values['failure'].startswith(
@@ -271,14 +280,14 @@ def test_a_calibration_that_failed_gives_the_smallest_contacts_and_keeps_the_dev
     assert values['deviation_constant'] == [0.15, 0.15]
     assert values['state'] == 'watching'
     shoulder, elbow = least = values['least_contact']
-    assert f'shoulder {shoulder:.3g}, elbow {elbow:.3g} N m or N would' in values['failure']
-    found = watching.parameters()
+    assert f'shoulder {shoulder:g}, elbow {elbow:g} N m or N would' in values['failure']
+    found = watching.contacts.outcome()[1]
     np.testing.assert_array_equal(found.pop('smallest_contact'), least)
 
     with pytest.raises(DataError, match='contacts at elbow'):
-        watching.require_shown((shoulder, 0.9 * elbow))
-    watching.require_shown(least)
-    watching.find(least)
+        watching.contacts.require_shown((shoulder, 0.9 * elbow))
+    watching.contacts.require_shown(least)
+    watching.contacts.find(least)
     values = watching.values()
     assert values['failure'] == ''
     np.testing.assert_allclose(values['deviation_constant'], found['deviation_constant'], 1e-3)
@@ -289,11 +298,11 @@ def test_a_calibration_that_failed_gives_the_smallest_contacts_and_keeps_the_dev
 
 def test_without_a_calibration_contacts_of_any_size_are_taken(path: str) -> None:
     watching = monitor(path, deviation_constant=(0.2,), deviation_torque=(0.0,))
-    watching.find((100.0,))
+    watching.contacts.find((100.0,))
     assert not any(touches(each) for each in take(watching, range(300, 330), contact=1.0))
     with pytest.raises(ConfigError, match='smallest_contact must hold one value per joint'):
-        watching.require_shown((1.0, 1.0, 1.0))
-    assert watching.parameters() == {}
+        watching.contacts.require_shown((1.0, 1.0, 1.0))
+    assert watching.contacts.outcome()[1] == {}
 
 
 def test_a_model_or_a_list_that_does_not_fit_is_refused(path: str) -> None:
@@ -359,7 +368,7 @@ def test_of_two_clocks_one_is_followed_and_the_other_warned_of(path: str) -> Non
 
 def test_calibration_needs_motion(path: str) -> None:
     watching = monitor(path)
-    watching.calibrate()
+    watching.contacts.calibrate()
     for number in range(600):
         stamp = START_NS + 10_000_000 * number
         watching.take(JointMessage(stamp, toy.JOINTS, [0.1, 0.2], [0.0, 0.0], [0.8, 0.6]))
@@ -374,7 +383,7 @@ def test_updates_are_followed_where_that_is_asked_for_and_the_model_comes_back(p
     model = InverseDynamicsModel.load(path)
     assert model.arm is not None
     heavier = np.concatenate([1.2 * model.arm.links.ravel(), model.arm.friction.coefficients])
-    update = message_of(Update(model.fingerprint, heavier, True, (0.5, 1.0)))
+    update = message_of(Update(model.fingerprint, heavier, True))
     plain = monitor(path)
     plain.take_update(update, 0.0, 0)
     follows = monitor(path, follow_adaptation=True, blend_s=0.0, adaptation_limit=(5.0,))

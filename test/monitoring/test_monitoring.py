@@ -26,7 +26,6 @@ from lip_id_ros.monitoring import (
     external_torques,
     ExternalTorque,
 )
-from lip_id_ros.monitoring.detection import FreeMotion, MOST_KEPT
 from lip_id_ros.monitoring.external_torque import BANDWIDTH
 from lip_id_ros.monitoring.observers import DisturbanceObserver
 
@@ -223,21 +222,6 @@ def calibrated(smallest: float | list[float], error: float = 0.0) -> ContactDete
     return Calibration.of(free, error).detector(('shoulder', 'elbow'), smallest)
 
 
-def test_hours_of_free_motion_are_kept_thinned_and_teach_the_same() -> None:
-    estimate = free_estimates(np.random.default_rng(3), 100_000)
-    free = FreeMotion(3600.0, 2)
-    still = np.zeros(2)
-    for row, each in enumerate(estimate):
-        free.add(1e-3, np.full(2, 1.0 if row == 77_777 else 0.0), each)
-    assert len(free.kept) <= MOST_KEPT
-    assert free.kept[1] is estimate[8]
-    assert free.kept[-1] is estimate[8 * (len(free.kept) - 1)]
-    assert 100_000 - 8 * len(free.kept) < 8
-    found = free.calibration(('shoulder', 'elbow'), np.full(2, 5.0), still)  # of all samples
-    shares = found.deviation.shares
-    np.testing.assert_allclose(shares[:, 0], [0.2, 0.3, 0.0, 0.5], atol=0.06)
-
-
 def test_deviations_are_those_of_the_free_motion() -> None:
     shares = calibrated(10.0).deviation.shares
     np.testing.assert_allclose(shares[:, 0], [0.2, 0.3, 0.0, 0.5], atol=0.06)
@@ -288,7 +272,7 @@ def test_a_contact_that_free_motion_hides_is_refused_with_the_smallest_that_show
     found = Calibration.of(free_estimates(np.random.default_rng(3)), 0.0)
     least = found.least
     assert 2.0 < least[0] < 3.0
-    named = f'shoulder {least[0]:.3g}, elbow {least[1]:.3g} N m or N'
+    named = f'shoulder {least[0]:g}, elbow {least[1]:g} N m or N'
     assert found.in_words(('shoulder', 'elbow')) == named
     expected = (
         'contacts at shoulder 0.3 N m or N would not show in half of the free motion, but '

@@ -22,12 +22,9 @@ from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from lip_id_ros.adaptation.live import AdaptSettings
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.model import EffortCalibration, InverseDynamicsModel
 from lip_id_ros.nodes import messages, qos
-from lip_id_ros.nodes.adapt import watch_period_s
-from lip_id_ros.settings import parameters_of
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Ros
@@ -127,14 +124,6 @@ def test_friction_that_doubled_is_published_kept_and_forgotten(ros: Ros, path: s
         return update is not None and not update.trusted
 
     client.wait_until(arm.until(is_fitted), 'the commissioned model')
-
-
-def test_steps_are_watched_twice_as_often_as_updates_are_published() -> None:
-    """A step is published at the next watch: at longer periods updates would come less often."""
-    highest = parameters_of(AdaptSettings)['publish_rate_hz'].maximum
-    assert highest is not None
-    for rate_hz in (1.0, 20.0, highest):
-        assert rate_hz * watch_period_s(rate_hz) <= 0.5
 
 
 def announce(client: Client, mass: float, node: str = '/adapt', **changes: float) -> None:
@@ -343,7 +332,7 @@ def update_to(path: str, model: InverseDynamicsModel) -> Update:
     """Return an update of the model of a file that makes another of it."""
     assert model.arm is not None
     numbers = np.concatenate([model.arm.links.ravel(), model.arm.friction.coefficients])
-    return Update(InverseDynamicsModel.load(path).fingerprint, numbers, True, (0.5, 1.0))
+    return Update(InverseDynamicsModel.load(path).fingerprint, numbers, True)
 
 
 def test_an_old_update_is_not_followed_by_who_comes_late(ros: Ros, path: str) -> None:

@@ -116,7 +116,7 @@ def test_a_contact_that_is_too_small_is_refused_with_the_smallest_that_shows(
     assert not answer.result().success
     status = client.status('monitor', lambda status: status['failure'])
     shoulder, elbow = least = status['least_contact']
-    sentence = f'but shoulder {shoulder:.3g}, elbow {elbow:.3g} N m or N would; set smallest_cont'
+    sentence = f'but shoulder {shoulder:g}, elbow {elbow:g} N m or N would; set smallest_cont'
     path = graph.folder / 'state/ros/lip_id_ros/monitor/monitor.yaml'
     for text in (status['failure'], answer.result().message, monitor.log):
         assert sentence in text
