@@ -75,7 +75,7 @@ def of_monitor(factory: pytest.TempPathFactory) -> Mapping[str, Any]:
 def of_adapt(factory: pytest.TempPathFactory) -> Mapping[str, Any]:
     path = factory.mktemp('adapt') / 'arm.npz'
     known_model().save(path)
-    return LiveAdaptation(AdaptSettings(model_path=str(path)), '/adapt', 0.0).values()
+    return LiveAdaptation(AdaptSettings(model_path=str(path)), '/adapt', 0.0, 0.0).values()
 
 
 STATUSES: Mapping[str, Callable[[pytest.TempPathFactory], Mapping[str, Any]]] = {

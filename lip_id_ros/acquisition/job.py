@@ -101,8 +101,15 @@ def advanced(state: JobState, line: str) -> JobState:
 
 def pass_on(folder: str | os.PathLike[str], sections: Sequence[JointSamples]) -> None:
     """Write samples for `receive` into an empty folder, with the interpreter free."""
-    for number, samples in enumerate(sections):
-        _write(Path(folder) / f'{number}.npz', samples)
+    try:
+        for number, samples in enumerate(sections):
+            _write(Path(folder) / f'{number}.npz', samples)
+    except OSError as error:
+        raise LipIdError(
+            f'the samples must be written to {folder} for the job, but cannot be '
+            f'({error.strerror or error}); they are still in memory. Free that disk, or start the '
+            'node with TMPDIR set to another.'
+        ) from error
 
 
 def _write(path: Path, samples: JointSamples) -> None:
@@ -128,17 +135,6 @@ def _read(path: Path) -> JointSamples:
     arrays, header = read_npz(path)
     fields: dict[str, Any] = {**arrays, **header, 'joint_names': tuple(header['joint_names'])}
     return JointSamples(**fields)
-
-
-def _pass_on(folder: str, sections: Sequence[JointSamples]) -> None:
-    try:
-        pass_on(folder, sections)
-    except OSError as error:
-        raise LipIdError(
-            f'the samples must be written to {folder} for the job, but cannot be '
-            f'({error.strerror or error}); they are still in memory. Free that disk, or start the '
-            'node with TMPDIR set to another.'
-        ) from error
 
 
 class Jobs:
@@ -182,9 +178,7 @@ class Jobs:
         wait([self._work], STOP_SECONDS)
         ended = self.state
         if ended.state in ('done', 'failed') or self._is_saving():
-            raise LipIdError(
-                f'the {ended.task} could not be cancelled any more; ~/status shows its end.'
-            )
+            raise LipIdError(f'it is too late to cancel the {ended.task}; ~/status has its end.')
         return ended.task
 
     def stop(self) -> None:
@@ -203,7 +197,7 @@ class Jobs:
     def _run(self, task: Task, sections: Sequence[JointSamples]) -> Mapping[str, Any]:
         try:
             with scratch_folder() as folder:
-                _pass_on(folder, sections)
+                pass_on(folder, sections)
                 outcome = self._follow(task, folder)
         except Exception as error:  # whatever it was, nothing is running any more
             self._end_as(replace(self.state, state='failed', error=str(error)))

@@ -25,9 +25,6 @@ from lip_id_ros.signals.joint_states import NANOSECONDS
 MESSAGE_BYTES, JOINT_BYTES = 128, 32
 """A bound on the size of a message in a bag; the names of its joints come on top."""
 
-MOST_NAMES = 20
-"""So many foreign joints are named, where messages have an endless variety."""
-
 LEAST_GAP_S = 0.0625
 """A shorter step is no gap at any rate: preprocessing bridges it, at its default cut-off."""
 
@@ -39,10 +36,7 @@ LONGEST_WAIT_S = 0.4
 
 REMEDIES = {
     Reason.NO_NAMES: 'have the driver name its joints',
-    Reason.MISSING_JOINT: (
-        'have one publisher send all recording.joints in each message, as joint_state_publisher '
-        'does with its source_list'
-    ),
+    Reason.MISSING_JOINT: 'have one publisher send all joints, as joint_state_publisher can',
     Reason.ZERO_STAMP: 'have the driver stamp its joint states',
 }
 
@@ -54,8 +48,7 @@ class Gaps:
     """Count steps between stamps that are many times as long as the usual ones before."""
 
     def __init__(self) -> None:
-        self.count, self.longest_s = 0, 0.0
-        self._usual_s = 0.0
+        self.count, self.longest_s, self._usual_s = 0, 0.0, 0.0
 
     def add(self, step_ns: int) -> None:
         """Judge the step between two stamps [ns]; one that goes back begins anew."""
@@ -201,7 +194,7 @@ class Recorder(Sections):
             'full': self.is_full,
             'disturbed': len(self._disturbed),
             'joint_names': list(self.joint_names),
-            'other_joints': self._other_joints,
+            'other_joints': self.other_joints,
             'gaps': self.gaps.count,
             'longest_gap_s': round(self.gaps.longest_s, 3),
             'rejected': {str(reason): count for reason, count in self.counts.most_common()},
@@ -232,23 +225,17 @@ class Recorder(Sections):
             return ''
         new = self.counts - self._before[1]
         if not new:
-            return (
-                f'nothing is recorded: no message of {topic} comes; start the driver, or remap it'
-            )
+            return f'nothing is recorded: {topic} is silent; start the driver, or remap the topic'
         reason, remedy = new.most_common(1)[0][0], self._remedy(new)
         return f'nothing is recorded: {topic} is rejected, mostly for: {reason}; {remedy}'
 
     def _remedy(self, counts: Counter[str]) -> str:
         match counts.most_common(1):
             case [(Reason.FOREIGN_JOINTS, _)]:
-                return f'choose recording.joints among {", ".join(self._other_joints)}'
+                return f'choose recording.joints among {", ".join(self.other_joints)}'
             case [(reason, _)]:
                 return REMEDIES.get(Reason(reason), 'correct the driver')
         return 'call record and move the arm, or name recordings with bags'
-
-    @property
-    def _other_joints(self) -> list[str]:
-        return list(self.other_joints[:MOST_NAMES])
 
     def _complaints(self) -> list[str]:
         most = self.counts.most_common(1)

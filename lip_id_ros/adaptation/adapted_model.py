@@ -67,11 +67,7 @@ class AdaptedModel:
     @property
     def numbers(self) -> Array | None:
         """Its numbers, shape (p,); None where it is the commissioned one."""
-        return self._now if self._is_adapted else None
-
-    @property
-    def _is_adapted(self) -> bool:
-        return not np.array_equal(self._now, self._arm.start)
+        return None if np.array_equal(self._now, self._arm.start) else self._now
 
     def take(self, message: Any, now: float, clock_ns: int) -> None:
         """
@@ -190,7 +186,7 @@ class AdaptedModel:
     def values(self) -> dict[str, Any]:
         """Return the state and the counts, JSON-able."""
         return {
-            'model': 'adapted' if self._is_adapted else 'commissioned',
+            'model': 'commissioned' if self.numbers is None else 'adapted',
             'why': self._why,
             'source': self._source or '',
             'gone_back': self.n_gone_back,

@@ -17,9 +17,9 @@ class FollowRules:
     """
     How updates are followed.
 
-    `blend_s`: time from the torques before to those of an update [s]. `timeout_s`: longest silence
-    of updates. `limits`, shape (n,): largest change of a torque, in the largest of the training
-    data. `follows`: whether updates are followed at all.
+    `blend_s`: time from the torques before to those of an update [s]. `timeout_s`: age beyond
+    which none is followed. `limits`, shape (n,): largest change of a torque, in the largest of the
+    training data. `follows`: whether updates are followed at all.
 
     """
 
@@ -49,10 +49,10 @@ def blend_setting(applies: str) -> Any:
 
 
 def timeout_setting(applies: str) -> Any:
-    """Declare the longest silence of updates."""
+    """Declare the age beyond which no update is followed."""
     return setting(
         5.0,
-        'Silence of updates after which the commissioned model comes back.',
+        'Age beyond which an update is not followed, and the commissioned model comes back.',
         unit='s',
         minimum=0.1,
         applies=applies,

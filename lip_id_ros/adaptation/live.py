@@ -22,12 +22,7 @@ from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.settings import executor_setting, setting, Settings
 from lip_id_ros.settings.settings import AT_START
 from lip_id_ros.signals.filters import LONGEST_GAP_S, LowPass
-from lip_id_ros.signals.joint_states import (
-    continued,
-    JointStateReader,
-    MeasuredState,
-    StampWatch,
-)
+from lip_id_ros.signals.joint_states import continued, JointStateReader, MeasuredState, StampWatch
 from lip_id_ros.signals.joints import Refusal, RefusedError, require_joints, require_unique
 from lip_id_ros.signals.status import in_words, Level, Status, Tally
 
@@ -52,8 +47,11 @@ TOO_FAR = 'friction has changed by more than is followed; look at the arm.'
 
 SPARSE = f'nothing is learned: joint states are over {LONGEST_GAP_S:g} s apart, or have just begun'
 
-MOST_WAITING = 20_000
-"""Joint states that may wait to be learned from: 20 s at the highest rate."""
+RATE_HZ = 20.0
+"""So many joint states are learned from a second, at most; what is between them is filtered."""
+
+RANGE_MARGIN = 0.2
+"""Of half its training range, by which a joint may go beyond it to be learned from."""
 
 NEARLY = 0.95
 """A sample this share of a period after the one before is taken: stamps jitter."""
@@ -67,14 +65,6 @@ class AdaptSettings(Settings):
     joints: tuple[str, ...] = setting(
         (), 'Joints that the model must have, in any order; empty for any.', applies=AT_START
     )
-    rate_hz: float = setting(
-        20.0,
-        'How many joint states are learned from, at most; what is between them is filtered.',
-        unit='Hz',
-        minimum=1.0,
-        maximum=1000.0,
-        applies=AT_START,
-    )
     cutoff_hz: float = setting(
         10.0,
         'Cut-off of the low-pass on positions, velocities and torques.',
@@ -82,12 +72,6 @@ class AdaptSettings(Settings):
         minimum=0.1,
         maximum=1000.0,
         applies=AT_START,
-    )
-    range_margin: float = setting(
-        0.2,
-        'Distance that a joint may go beyond its training range to be learned from, as a share of '
-        'half of it.',
-        minimum=0.0,
     )
     publish_rate_hz: float = setting(
         1.0,
@@ -113,12 +97,7 @@ class AdaptSettings(Settings):
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """
-    What came of the last joint states: an update, None without any, and events.
-
-    `carried`: mass [kg], centre of mass (3,) [m] and inertia about it (6,) of all that is carried,
-    as they are announced.
-    """
+    """What came of the last joint states; `carried`: all of it, as it is announced."""
 
     update: Update | None
     payloads: tuple[PayloadEvent, ...]
@@ -128,25 +107,27 @@ class Step:
 
 class LiveAdaptation:
     """
-    Follow an arm in joint states; LipIdError if the settings do not fit the model.
+    Follow an arm in joint states, from where the file of the last time ends.
 
     `take` and `announce` are for one thread; all others that are not properties are for one other.
-    `node`: its full name.
+    `node`: its full name. `now`, `clock`: as for `step`. LipIdError if the settings do not fit the
+    model.
 
     """
 
-    def __init__(self, settings: AdaptSettings, node: str, now: float) -> None:
+    def __init__(self, settings: AdaptSettings, node: str, now: float, clock: float) -> None:
         require_unique('joints', settings.joints)
         model = InverseDynamicsModel.load(settings.model_path)
         require_joints(model.joint_names, settings.joints, settings.model_path)
         self.settings, self.joint_names = settings, model.joint_names
+        self.payload_frame = link_name(model.joint_names[-1])
         self._adaptation = Adaptation(model)
         self._low, self._high = model.training_range
         self._is_revolute = np.asarray(~is_prismatic(model.joint_types))
         self._q: Array | None = None
         self._reader = JointStateReader(model.joint_names, model.effort_calibration)
         self._stamps, self._low_pass = StampWatch(), LowPass(settings.cutoff_hz)
-        self._tally = Tally('too_soon', 'after_a_gap', 'out_of_range', 'overrun', 'learnable')
+        self._tally = Tally('too_soon', 'after_a_gap', 'out_of_range', 'learnable')
         self._judged = self._tally.used.copy()
         self._outcomes = Counter(dict.fromkeys(OUTCOMES, 0))
         self._waiting: deque[tuple[bool, float, Array]] = deque()
@@ -155,6 +136,7 @@ class LiveAdaptation:
         self._learned_at = now
         self._n_used = self._n_updates = 0
         self._announced: deque[Array] = deque()
+        # what was asked for, even if the arm is silent
         self._is_to_be_told, self._wrong_payload = False, ''
         self._node, self._path = node, path_of(settings.state_path, node)
         self._saved_at, self._failure, self.note = now, '', ''
@@ -163,13 +145,10 @@ class LiveAdaptation:
         self._alarms: dict[str, str] = {}
         still = np.zeros((1, model.n_joints))
         Adaptation(model).update(np.zeros(1), still, still, still, still)  # compiled now
-
-    def begin(self, clock: float) -> None:
-        """Go on from the file of the last time, by the clock of the computer [s]."""
         if self._path is None:
             return
         try:
-            resume(self._path, self._node, self._adaptation, clock)
+            resume(self._path, node, self._adaptation, clock)
         except (SourceError, OSError) as error:
             self.note = one_line(error)
         except ConfigError as error:
@@ -199,17 +178,15 @@ class LiveAdaptation:
         filtered = self._low_pass.add(measured.t, signals)
         if filtered is None:
             return 'after_a_gap'
-        if 0.0 <= measured.t - self._last_t < NEARLY / self.settings.rate_hz:
+        if 0.0 <= measured.t - self._last_t < NEARLY / RATE_HZ:
             return 'too_soon'
         (q, dq, torque, sign), (_, ddq, _, _) = filtered
         # in the turn that is reported, as in the data of the fit
         state = np.stack([continued(q, measured.q, self._is_revolute), dq, ddq])
-        margin = 0.5 * self.settings.range_margin * (self._high - self._low)
+        margin = 0.5 * RANGE_MARGIN * (self._high - self._low)
         self._last_t = measured.t
         if (state < self._low - margin).any() or (state > self._high + margin).any():
             return 'out_of_range'
-        if len(self._waiting) == MOST_WAITING:
-            return 'overrun'
         jumped, self._jumps = self._stamps.jumps != self._jumps, self._stamps.jumps
         self._waiting.append((jumped, measured.t, np.array([*state, torque, np.abs(sign)])))
         return 'learnable'
@@ -225,12 +202,12 @@ class LiveAdaptation:
         """
         while self._announced:
             self._adaptation.announce(self._announced.popleft())
-            self._keep_now(clock)
+            self._is_to_be_told = True
         used = self._tally.used.total()
         if used > self._n_used or self._used_at is None:
             self._n_used, self._used_at = used, now
         self._learn(now)
-        if now - self._saved_at > SAVE_PERIOD_S:
+        if self._is_to_be_told or now - self._saved_at > SAVE_PERIOD_S:
             self._saved_at = now
             self.save(clock)
         payloads = tuple(self._adaptation.payload_events)
@@ -248,10 +225,10 @@ class LiveAdaptation:
         except OSError as error:
             self._failure = f'{self._path} cannot be written: {error.strerror}'
 
-    def reset(self, clock: float) -> None:
-        """Forget what was learned, also in the file."""
+    def reset(self) -> None:
+        """Forget what was learned, with the next step also in the file."""
         self._adaptation.reset()
-        self._keep_now(clock)
+        self._is_to_be_told = True
 
     def announce(self, mass: float, centre: Array, inertia: Array, frame: str) -> None:
         """
@@ -270,16 +247,6 @@ class LiveAdaptation:
             self._wrong_payload = str(error)
             raise
         self._wrong_payload = ''
-
-    @property
-    def payload_frame(self) -> str:
-        """The frame in which payloads are given."""
-        return link_name(self.joint_names[-1])
-
-    def _keep_now(self, clock: float) -> None:
-        """Keep what was asked for, and have it published even if the arm is silent."""
-        self._is_to_be_told = True
-        self.save(clock)
 
     def _learn(self, now: float) -> None:
         """

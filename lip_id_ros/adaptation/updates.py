@@ -43,9 +43,7 @@ class Update:
     @classmethod
     def from_message(cls, message: Any) -> Update:
         """Read a control_msgs/DynamicInterfaceGroupValues; RefusedError if it is no update."""
-        groups, interfaces, header = (
-            message.interface_groups, message.interface_values, message.header
-        )  # fmt: skip
+        groups, interfaces = message.interface_groups, message.interface_values
         if len(groups) != 1 or len(interfaces) != 1:
             raise RefusedError(Refusal.NO_UPDATE)
         names, values = interfaces[0].interface_names, np.array(interfaces[0].values)
@@ -53,5 +51,6 @@ class Update:
             raise RefusedError(Refusal.NO_UPDATE)
         if not np.isfinite(values).all():
             raise RefusedError(Refusal.NOT_FINITE_UPDATE)
-        stamp = NANOSECONDS * header.stamp.sec + header.stamp.nanosec
-        return cls(groups[0], values[1:], bool(values[0]), header.frame_id, stamp)
+        source, stamp = message.header.frame_id, message.header.stamp
+        stamp_ns = NANOSECONDS * stamp.sec + stamp.nanosec
+        return cls(groups[0], values[1:], bool(values[0]), source, stamp_ns)

@@ -9,15 +9,12 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
-from lip_id_ros.monitoring.detection import (
-    Calibration,
-    ContactDetector,
-    Deviation,
-    FreeMotion,
-)
+from lip_id_ros.monitoring.detection import Calibration, ContactDetector, Deviation, FreeMotion
 from lip_id_ros.monitoring.external_torque import ExternalTorque
 from lip_id_ros.monitoring.settings import DEVIATIONS_OF, MonitorSettings
 from lip_id_ros.signals.joints import by_joint
+
+NO_SHARES = dict.fromkeys(DEVIATIONS_OF)
 
 
 class Contacts:
@@ -88,24 +85,22 @@ class Contacts:
             'blind': judged.blind,
         }
 
-    def outcome(self) -> tuple[str, Mapping[str, Array]]:
+    def outcome(self) -> tuple[str, Mapping[str, Any]]:
         """Return how the last calibration has ended, and parameters that detect what it shows."""
         found = self._calibration
         if found is None or not found.least.any():  # given, not found
             return self.failure, {}
-        smallest = np.maximum(self._smallest, found.least)
-        shares = zip(DEVIATIONS_OF, found.deviation.shares, strict=True)
         sentence = f'calibrated: {found.in_words(self._joint_names)} would show'
-        return self.failure or sentence, {'smallest_contact': smallest, **dict(shares)}
+        return self.failure or sentence, {
+            'joints': list(self._joint_names),
+            'smallest_contact': np.maximum(self._smallest, found.least).tolist(),
+            **_shares(found.deviation),
+        }
 
     def values(self) -> dict[str, Any]:
         """Return the deviations under the names of their parameters, and the counts."""
-        shares: Sequence[Any] = [None] * len(DEVIATIONS_OF)
-        if self._detector is not None:
-            rows = self._detector.deviation.shares.tolist()
-            shares = [[float(f'{value:.4g}') for value in row] for row in rows]
         return {
-            **dict(zip(DEVIATIONS_OF, shares, strict=True)),
+            **(_shares(self._detector.deviation) if self._detector else NO_SHARES),
             'least_contact': self._calibration.least.tolist() if self._calibration else None,
             'contacts': self._n_contacts,
             'blind': self._n_blind,
@@ -130,3 +125,8 @@ class Contacts:
     def _by_joint(self, name: str, values: Sequence[float] | None = None) -> Array:
         given = getattr(self._settings, name) if values is None else values
         return by_joint(name, given, self._settings.joints, self._joint_names, 0.0)
+
+
+def _shares(deviation: Deviation) -> dict[str, list[float]]:
+    """Return shares under the names of their parameters."""
+    return dict(zip(DEVIATIONS_OF, deviation.shares.round(4).tolist(), strict=True))

@@ -57,6 +57,7 @@ class Monitor:
         model = fitted.with_rise_time(0.0)  # torques come as drives have them
         self.joint_names = model.joint_names
         self._settings = settings
+        self._longest_gap_s = max(LONGEST_GAP_S, 2.0 / settings.rate_hz)
         low, high = model.training_range
         self.contacts = Contacts(settings, model.joint_names, high[1] - low[1])
         self._adapted: AdaptedModel | None = None
@@ -169,11 +170,6 @@ class Monitor:
         self._tally.used['watched'] += 1
         contacts = self.contacts.judge(measured.t, step, measured.dq, external)
         return Watched(external, energy, contacts)
-
-    @property
-    def _longest_gap_s(self) -> float:
-        """Joint states further apart are not watched [s]."""
-        return max(LONGEST_GAP_S, 2.0 / self._settings.rate_hz)
 
     def _begin_anew(self) -> None:
         self._q = None

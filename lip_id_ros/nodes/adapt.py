@@ -34,8 +34,7 @@ class AdaptNode(NodeBase):
     def __init__(self) -> None:
         super().__init__('adapt', parameters_of(AdaptSettings))
         name = self.get_fully_qualified_name()
-        self._live = LiveAdaptation(self._settings(), name, time.monotonic())
-        self._live.begin(time.time())
+        self._live = LiveAdaptation(self._settings(), name, time.monotonic(), time.time())
         if self._live.note:
             self.get_logger().warning(self._live.note)
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix='adaptation')
@@ -112,7 +111,7 @@ class AdaptNode(NodeBase):
     async def _on_reset(
         self, request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        await outcome(self, self._pool.submit(self._live.reset, time.time()))
+        await outcome(self, self._pool.submit(self._live.reset))
         self._due = time.monotonic()
         response.success, response.message = True, 'what was learned is forgotten'
         return response

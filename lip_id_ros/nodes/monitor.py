@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 import json
 import math
 import sys
@@ -10,7 +10,6 @@ import time
 from typing import Any
 
 from control_msgs.msg import DynamicInterfaceGroupValues, DynamicJointState
-import numpy as np
 from pal_statistics_msgs.msg import Statistics
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
@@ -127,7 +126,8 @@ class MonitorNode(NodeBase):
         if parameters:
             try:
                 path.parent.mkdir(parents=True, exist_ok=True)
-                text = parameter_file(name, self._monitor.joint_names, parameters)
+                lines = [f'    {key}: {json.dumps(row)}' for key, row in parameters.items()]
+                text = '\n'.join([f'{name}:', '  ros__parameters:', *lines, ''])
                 write_whole(path, text.encode())
                 sentence += f'; parameters that do are in {path}'
             except OSError as error:
@@ -135,15 +135,6 @@ class MonitorNode(NodeBase):
         logger = self.get_logger()
         (logger.error if self._monitor.contacts.failure else logger.info)(sentence)
         return sentence
-
-
-def parameter_file(node: str, joints: Sequence[str], values: Mapping[str, Any]) -> str:
-    """Return a parameter file of numbers for each joint, in four digits."""
-    lines = [f'{node}:', '  ros__parameters:', f'    joints: {json.dumps(joints)}']
-    for name, row in values.items():
-        shown = (np.format_float_positional(x, 4, fractional=False, trim='0') for x in row)
-        lines.append(f'    {name}: [{", ".join(shown)}]')
-    return '\n'.join([*lines, ''])
 
 
 def main() -> int:

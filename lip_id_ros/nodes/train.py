@@ -14,7 +14,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from lip_id_ros.acquisition.job import in_words, Jobs, JobState, Task
+from lip_id_ros.acquisition.job import in_words, Jobs, Task
 from lip_id_ros.acquisition.recorder import DISTURBED_S, Recorder
 from lip_id_ros.acquisition.settings import (
     check_together,
@@ -50,8 +50,7 @@ class TrainNode(NodeBase):
         require_writable('unsaved_path', self._settings().unsaved_path)
         self._jobs = Jobs()
         self._reported = self._alarming_before = 0
-        self._recorder = self._new_recorder()
-        self._recorder.recording = self._settings().record_on_start
+        self._recorder = self._new_recorder(self._settings().record_on_start)
         self._subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_state, qos.SENSOR_STREAM
         )
@@ -108,9 +107,7 @@ class TrainNode(NodeBase):
     def apply_change(self, values: Mapping[str, Any]) -> None:
         """Record anew where the joints or the bound of the recording changed."""
         if any(map(self._is_of_recorder, values)):
-            recording = self._recorder.recording
-            self._recorder = self._new_recorder()
-            self._recorder.recording = recording
+            self._recorder = self._new_recorder(self._recorder.recording)
 
     def _is_of_recorder(self, name: str) -> bool:
         return train_parameters()[name].applies == WHILE_EMPTY
@@ -118,9 +115,11 @@ class TrainNode(NodeBase):
     def _settings(self) -> TrainSettings:
         return TrainSettings(**own_values(self.values()))
 
-    def _new_recorder(self) -> Recorder:
+    def _new_recorder(self, recording: bool) -> Recorder:
         values = self.values()
-        return Recorder(values['recording.joints'], values['max_rows'])
+        made = Recorder(values['recording.joints'], values['max_rows'])
+        made.recording = recording
+        return made
 
     # messages and services
 
@@ -221,14 +220,11 @@ class TrainNode(NodeBase):
         summary = '; '.join([self._recorder.summary + work, *troubles])
         results = {str(number): each.brief for number, each in self._jobs.ended.items()}
         values = {**self._recorder.status(), 'job': asdict(job), 'results': results}
-        return Status(self._level(job, troubles), summary, values)
-
-    def _level(self, job: JobState, troubles: list[str]) -> Level:
         alarming = self._recorder.n_alarming + self._recorder.gaps.count
         rose, self._alarming_before = alarming > self._alarming_before, alarming
-        if job.state == 'failed':
-            return Level.ERROR
-        return Level.WARN if rose or self._recorder.is_full or troubles else Level.OK
+        warns = rose or self._recorder.is_full or troubles
+        level = Level.ERROR if job.state == 'failed' else Level.WARN if warns else Level.OK
+        return Status(level, summary, values)
 
     def _report(self) -> None:
         """Log jobs that have ended."""

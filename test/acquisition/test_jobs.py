@@ -172,7 +172,7 @@ def test_a_job_that_saves_already_is_not_called_cancelled(
     recorded = replace(samples(20_000), effort=random)
     jobs.start(Task('dataset', flatten(Config()), str(path)), [recorded])
     wait_until(lambda: select.select([reader], [], [], 0.0)[0], 'the begin of the result')
-    with pytest.raises(LipIdError, match=r'^the dataset could not be cancelled any more; ~/sta'):
+    with pytest.raises(LipIdError, match=r'^it is too late to cancel the dataset; ~/status'):
         jobs.cancel()
     assert jobs.state.state == 'done'
     (tmp_path / 'copy.npz').write_bytes(content[0])
@@ -194,9 +194,7 @@ def test_a_job_that_saves_for_long_is_neither_cancelled_nor_killed(
         recorded = replace(samples(20_000), effort=random)
         work = jobs.start(Task('dataset', flatten(Config()), str(path)), [recorded])
         wait_until(lambda: select.select([reader], [], [], 0.0)[0], 'the begin of the result')
-        with pytest.raises(
-            LipIdError, match=r'^the dataset could not be cancelled any more; ~/sta'
-        ):
+        with pytest.raises(LipIdError, match=r'^it is too late to cancel the dataset; ~/status'):
             jobs.cancel()
         assert jobs.state.state == 'running'
         (tmp_path / 'copy.npz').write_bytes(reader.read())
@@ -258,7 +256,7 @@ def test_samples_that_cannot_be_passed_on_stay_and_a_sentence_has_the_reason(
     def full(*arguments: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr('lip_id_ros.acquisition.job.pass_on', full)
+    monkeypatch.setattr('lip_id_ros.acquisition.job._write', full)
     work = jobs.start(Task('dataset', flatten(Config()), str(tmp_path / 'd.npz')), [samples(500)])
     sentence = r'^the samples must be written to .* but cannot be \(No space left on device\);'
     with pytest.raises(LipIdError, match=sentence):

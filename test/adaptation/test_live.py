@@ -14,7 +14,6 @@ from adaptation.arms import message_of, with_friction
 import numpy as np
 import pytest
 
-from lip_id_ros.adaptation import live as live_module
 from lip_id_ros.adaptation.adapted_model import AdaptedModel
 from lip_id_ros.adaptation.follow_settings import FollowRules
 from lip_id_ros.adaptation.followed import FollowedArm, WalkSettings
@@ -29,7 +28,7 @@ from lip_id_ros.signals.status import Level
 RATE_HZ, START_NS = 50.0, 1_000_000_000_000
 CENTRE, INERTIA = np.array([0.0, 0.0, 0.1]), np.array([0.003, 0.0, 0.0, 0.004, 0.0, 0.005])
 OUTCOMES = ('learned', 'held', 'disturbed', 'resting', 'settling')
-GATES = ('too_soon', 'after_a_gap', 'out_of_range', 'overrun', 'waiting')
+GATES = ('too_soon', 'after_a_gap', 'out_of_range', 'waiting')
 
 
 def states(
@@ -75,9 +74,7 @@ def path(tmp_path: Path) -> str:
 
 def live(path: str, node: str = '/adapt', **settings: Any) -> LiveAdaptation:
     own: dict[str, Any] = {'state_path': path.replace('model', 'state'), **settings}
-    found = LiveAdaptation(AdaptSettings(model_path=path, **own), node, 0.0)
-    found.begin(1000.0)
-    return found
+    return LiveAdaptation(AdaptSettings(model_path=path, **own), node, 0.0, 1000.0)
 
 
 def feed(found: LiveAdaptation, messages: Iterator[JointMessage], now: float = 1.0) -> Step:
@@ -263,7 +260,7 @@ def test_an_announced_payload_is_in_the_update_at_once_and_a_reset_takes_it_off(
     carried = again.step(0.0, 1000.0).payloads[0].payload
     assert carried is not None
     assert carried.mass == pytest.approx(0.5)
-    found.reset(1002.0)
+    found.reset()
     step = found.step(1.6, 1001.6)
     assert step.update is not None
     assert [each.payload for each in step.payloads] == [None]
@@ -360,7 +357,7 @@ def test_joint_states_that_come_too_far_apart_are_in_the_status(path: str) -> No
 
 def test_an_arm_at_rest_and_one_out_of_its_range_are_counted_as_such(path: str) -> None:
     """It was trained within 1.5 rad, and may go a fifth of that beyond."""
-    found = live(path, range_margin=0.2)
+    found = live(path)
     feed(found, standing_at(1.79))
     assert found.values()['resting'] > 50
     assert found.values()['out_of_range'] == 0
@@ -404,18 +401,3 @@ def test_a_joint_state_that_cannot_be_used_is_refused(
         found.take(message)
     assert refused.value.reason is reason
     assert found.values()['refused'] == {reason.value: 1}
-
-
-def test_joint_states_that_are_not_learned_from_in_time_do_not_fill_the_memory(
-    path: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(live_module, 'MOST_WAITING', 30)
-    model, found = InverseDynamicsModel.load(path), live(path)
-    for message in states(model, 4.0):
-        found.take(message)
-    values = found.values()
-    assert values['waiting'] == 30
-    assert values['overrun'] > 20
-    found.step(1.0, 1001.0)
-    found.take(next(states(model, 1.0, start=4.1)))
-    assert found.values()['waiting'] == 1

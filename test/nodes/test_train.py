@@ -250,13 +250,13 @@ def split(row: int) -> list[JointState]:
 @pytest.mark.parametrize(
     ('states', 'reason'),
     [
-        (split, 'joint missing; have one publisher send all recording.joints in each message'),
+        (split, 'joint missing; have one publisher send all joints'),
         (
             lambda row: [joint_state(row, name=[])],
             'no joint names; have the driver name its joint',
         ),
         (lambda row: [zero_stamped()], 'stamp zero; have the driver stamp its joint states'),
-        (None, 'no message of /joint_states comes; start the driver, or remap it'),
+        (None, '/joint_states is silent; start the driver, or remap the topic'),
     ],
     ids=['split', 'unnamed', 'unstamped', 'silent'],
 )
@@ -295,6 +295,6 @@ def zero_stamped() -> JointState:
 def test_a_recording_that_nobody_publishes_for_is_told(ros: Ros) -> None:
     graph, client = ros
     train = graph.start('train', record_on_start=True)
-    sentence = 'nothing is recorded: no message of /joint_states comes; start the driver'
+    sentence = 'nothing is recorded: /joint_states is silent; start the driver, or remap the topic'
     client.status('train', lambda status: sentence in status['summary'])
     client.wait_until(lambda: sentence in train.log, 'a line of the log')
