@@ -35,6 +35,9 @@ class AdaptedModel:
 
     """
 
+    _source: str | None
+    _heard: float | None  # when the last update was stamped, or the wait for one began
+
     def __init__(self, fitted: InverseDynamicsModel, rules: FollowRules) -> None:
         model = fitted.with_rise_time(0.0)
         self.rules, self._model = rules, model
@@ -103,11 +106,8 @@ class AdaptedModel:
         self.rules = rules
 
     def _await_updates(self) -> None:
-        self._source: str | None = None
-        self._stamp_ns = 0
-        # when the last update was stamped, or the wait for one began
-        self._heard: float | None = None
-        self._is_silent, self._why = False, 'no update yet'
+        self._source = self._heard = None
+        self._stamp_ns, self._is_silent, self._why = 0, False, 'no update yet'
 
     def begin_anew(self) -> None:
         """Be the commissioned model at once, as before the first update."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import DataError
 from lip_id_ros.monitoring.detection import Calibration, ContactDetector, Deviation, FreeMotion
 from lip_id_ros.monitoring.external_torque import ExternalTorque
@@ -62,7 +62,7 @@ class Contacts:
 
     def judge(
         self, t: float, step: float, dq: Array, external: ExternalTorque
-    ) -> dict[str, Array] | None:
+    ) -> dict[str, Array | BoolArray] | None:
         """
         Return values of the joints by name, (n,), at t [s], a `step` [s] after the last.
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from lip_id_ros.adaptation.adapted_model import AdaptedModel
 from lip_id_ros.adaptation.follow_settings import follow_rules
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.monitoring.contacts import Contacts
@@ -44,7 +44,7 @@ class Watched:
 
     external: ExternalTorque
     energy: EnergyBalance
-    contacts: Mapping[str, Array] | None
+    contacts: Mapping[str, Array | BoolArray] | None
 
 
 class Monitor:

@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.adaptation.updates import Update
-from lip_id_ros.arrays import Array
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.signals.joints import PlannedPoint, Refusal, RefusedError
 from lip_id_ros.signals.status import Status
 from lip_id_ros.signals.trajectory_header import read_header
@@ -101,7 +101,7 @@ def inertia_values(inertia: Inertia) -> tuple[float, Array, Array]:
 
 
 def joint_values_message(
-    stamp: Time, names: Sequence[str], values: Mapping[str, Array]
+    stamp: Time, names: Sequence[str], values: Mapping[str, Array | BoolArray]
 ) -> DynamicJointState:
     """Return named values of joints, each of shape (n,)."""
     message = DynamicJointState(joint_names=list(names))
