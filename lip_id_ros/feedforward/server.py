@@ -384,11 +384,11 @@ class Server:
             raise RefusedError(Refusal.DISABLED)
         return arm
 
-    def take_update(self, text: str, now: float) -> None:
+    def take_update(self, message: Any, now: float, clock_ns: int) -> None:
         """Follow an update of the model; RefusedError, counted, where it is not to be followed."""
         adapted = self._adapted
         if adapted is not None and adapted.rules.follows:
-            adapted.take(text, now)
+            adapted.take(message, now, clock_ns)
 
     def watch_updates(self, now: float) -> None:
         """Go back to the commissioned model where updates have stopped."""

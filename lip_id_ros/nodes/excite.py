@@ -10,10 +10,10 @@ import sys
 import time
 from typing import Any
 
+from control_msgs.msg import DynamicJointState
 import numpy as np
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from lip_id_ros.acquisition.job import Jobs, Task
@@ -22,7 +22,7 @@ from lip_id_ros.errors import ConfigError, LipIdError
 from lip_id_ros.excitation.rounds import Measured, MotionRequest, MotionWatch, NextMotion, numbered
 from lip_id_ros.excitation.settings import RoundSettings
 from lip_id_ros.excitation.trajectory_file import writer_for
-from lip_id_ros.nodes import qos, running
+from lip_id_ros.nodes import messages, qos, running
 from lip_id_ros.nodes.controller import LONGEST_ANSWER_S
 from lip_id_ros.nodes.description import Description
 from lip_id_ros.nodes.motion_goal import HaltError, MotionGoal
@@ -83,7 +83,9 @@ class ExciteNode(NodeBase):
         self.create_subscription(
             JointState, 'joint_states', self._on_joint_state, qos.SENSOR_STREAM
         )
-        self.create_subscription(Bool, 'monitor/contact', self._on_contact, qos.OUTPUT)
+        self.create_subscription(
+            DynamicJointState, 'monitor/contact', self._on_contact, qos.OUTPUT
+        )
         self.create_service(Trigger, '~/start', self._on_start)
         self.create_service(Trigger, '~/confirm', self._on_confirm)
         self.create_service(Trigger, '~/stop', self._on_stop)
@@ -289,9 +291,9 @@ class ExciteNode(NodeBase):
         if reason is not None:
             self._halt(reason)
 
-    def _on_contact(self, message: Bool) -> None:
+    def _on_contact(self, message: DynamicJointState) -> None:
         self._contact_heard_at = time.monotonic()
-        if message.data and self._watch is not None:
+        if messages.any_joint(message, 'contact') and self._watch is not None:
             self._halt('the monitor has found a contact')
 
     def _measured_now(self, names: Sequence[str]) -> Array | None:

@@ -9,13 +9,16 @@ import math
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
+from control_msgs.msg import DynamicInterfaceGroupValues, DynamicJointState, InterfaceValue
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Inertia, InertiaStamped, Vector3
 import numpy as np
 from pal_statistics_msgs.msg import Statistic, Statistics
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from lip_id_ros.arrays import Array
+from lip_id_ros.adaptation.updates import Update
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.status import Status
@@ -25,6 +28,8 @@ NANOSECONDS = 1_000_000_000
 
 MOST_SECONDS = 2.0**31
 """Beyond those of a Duration."""
+
+INERTIAS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 
 
 def stamp_at(nanoseconds: int) -> Time:
@@ -57,6 +62,55 @@ def joint_state_message(
     message = torque_message(stamp, names, tau)
     message.position, message.velocity = doubles(q), doubles(dq)
     return message
+
+
+def update_message(stamp: Time, source: str, update: Update) -> DynamicInterfaceGroupValues:
+    """Return an update of a node, by its full name, in one group: the hash of the model."""
+    message = DynamicInterfaceGroupValues(interface_groups=[update.model])
+    message.header.stamp, message.header.frame_id = stamp, source
+    names, values = update.interface
+    message.interface_values = [InterfaceValue(interface_names=names, values=doubles(values))]
+    return message
+
+
+def inertia_message(
+    stamp: Time, frame: str, mass: float, centre: Array, inertia: Array
+) -> InertiaStamped:
+    """Return a mass, its centre (3,) and the inertia about it, as `INERTIAS`."""
+    about_centre = dict(zip(INERTIAS, inertia.tolist(), strict=True))
+    x, y, z = centre.tolist()
+    message = InertiaStamped(inertia=Inertia(m=mass, com=Vector3(x=x, y=y, z=z), **about_centre))
+    message.header.stamp, message.header.frame_id = stamp, frame
+    return message
+
+
+def inertia_values(inertia: Inertia) -> tuple[float, Array, Array]:
+    """Return mass, centre of mass (3,) and inertia about it (6,)."""
+    centre = np.array([inertia.com.x, inertia.com.y, inertia.com.z])
+    return inertia.m, centre, np.array([getattr(inertia, name) for name in INERTIAS])
+
+
+def joint_values_message(
+    stamp: Time, names: Sequence[str], values: Mapping[str, Array | BoolArray]
+) -> DynamicJointState:
+    """Return named values of joints, each of shape (n,)."""
+    message = DynamicJointState(joint_names=list(names))
+    message.header.stamp = stamp
+    message.interface_values = [
+        InterfaceValue(interface_names=list(values), values=doubles(row))
+        for row in np.stack(list(values.values()), axis=1, dtype=np.float64)
+    ]
+    return message
+
+
+def any_joint(message: DynamicJointState, name: str) -> bool:
+    """Return whether a named value is not zero at any joint."""
+    return any(
+        value != 0.0
+        for each in message.interface_values
+        for key, value in zip(each.interface_names, each.values, strict=False)
+        if key == name
+    )
 
 
 def plan_message(

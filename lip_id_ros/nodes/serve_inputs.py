@@ -7,10 +7,10 @@ import time
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
+from control_msgs.msg import DynamicInterfaceGroupValues
 import numpy as np
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.errors import ConfigError
@@ -96,7 +96,7 @@ class Inputs:
             )
         if settings.follow_adaptation:
             self._updates = self._node.create_subscription(
-                String, 'adapt/update', self._on_update, qos.LATCHED
+                DynamicInterfaceGroupValues, 'adapt/update', self._on_update, qos.LATCHED
             )
         if settings.controller_action:
             action = settings.controller_action
@@ -271,8 +271,9 @@ class Inputs:
             if residual is not None:
                 self._outputs.joints(RESIDUAL_TOPIC, message.header.stamp, residual)
 
-    def _on_update(self, message: String) -> None:
-        self._unless_refused(self._server.take_update, message.data, time.monotonic())
+    def _on_update(self, message: DynamicInterfaceGroupValues) -> None:
+        clock_ns = self._node.get_clock().now().nanoseconds
+        self._unless_refused(self._server.take_update, message, time.monotonic(), clock_ns)
 
     def _unless_refused(self, answer: Callable[..., None], *arguments: Any) -> None:
         try:

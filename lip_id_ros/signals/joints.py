@@ -49,7 +49,9 @@ class Refusal(StrEnum):
     NO_UPDATE = 'no update'
     NOT_FINITE_UPDATE = 'update not finite'
     OTHER_MODEL = 'update of another model'
-    OLD_COUNTER = 'update not newer'
+    OTHER_SOURCE = 'update of another node'
+    NOT_NEWER_UPDATE = 'update not newer'
+    OLD_UPDATE = 'update too old'
     IMPOSSIBLE_ARM = 'arm that cannot exist'
     BEYOND_TRUST = 'change too large'
     FAILED = 'failed'
@@ -143,9 +145,17 @@ _SENTENCES = {
         'the update is of another model; give the same model_path to both nodes, and restart or '
         'reload the one whose model is older'
     ),
-    Refusal.OLD_COUNTER: (
-        'the counter of the update must be higher than that of the one before; end all publishers '
-        'of updates but one, or wait until adaptation_timeout_s has passed'
+    Refusal.OTHER_SOURCE: (
+        'updates must come from one node, another one is followed; end one of them, or remap its '
+        'topic'
+    ),
+    Refusal.NOT_NEWER_UPDATE: (
+        'the stamp of the update lies before that of the last one; check the clock of its '
+        'publisher, or wait until adaptation_timeout_s has passed'
+    ),
+    Refusal.OLD_UPDATE: (
+        'the stamp of an update must be within adaptation_timeout_s of now, or what it says of '
+        'payloads may be over; start adapt, or set the clocks of the computers'
     ),
     Refusal.IMPOSSIBLE_ARM: 'no bodies can have the links of the update; restart its publisher',
     Refusal.BEYOND_TRUST: (

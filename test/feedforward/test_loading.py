@@ -6,7 +6,7 @@ from dataclasses import replace
 import os
 from pathlib import Path
 
-from adaptation.arms import known_model
+from adaptation.arms import known_model, message_of
 from feedforward.arms import arm, Sum
 from gp.processes import process_of
 from model.models import random_model
@@ -79,8 +79,8 @@ def test_updates_are_about_the_fitted_model(tmp_path: Path) -> None:
     assert fitted.arm is not None
     assert loaded.adapted is not None
     numbers = [fitted.arm.links.ravel(), 1.01 * fitted.arm.friction.coefficients]
-    update = Update(fitted.fingerprint, 1, np.concatenate(numbers), True, (0.5, 1.0))
-    loaded.adapted.take(update.to_text(), 0.0)
+    update = Update(fitted.fingerprint, np.concatenate(numbers), True)
+    loaded.adapted.take(message_of(update), 0.0, 0)
     assert loaded.adapted.values()['followed'] == 1
 
 

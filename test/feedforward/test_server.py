@@ -6,7 +6,7 @@ import contextlib
 from dataclasses import replace
 from typing import Any
 
-from adaptation.arms import known_model, with_friction
+from adaptation.arms import known_model, message_of, with_friction
 from feedforward.arms import arm, NAMES, point, Sum
 from hypothesis import given
 from hypothesis import strategies as st
@@ -69,9 +69,7 @@ def test_a_model_that_is_served_again_begins_as_it_was_commissioned() -> None:
         server.use(loaded, settings)
         server.enable()
         torques.append(server.sample(model.joint_names, [state], start).tau)
-        server.take_update(
-            Update(model.fingerprint, 5, numbers, True, (0.5, 1.0)).to_text(), start
-        )
+        server.take_update(message_of(Update(model.fingerprint, numbers, True)), start, 0)
         for k in range(4):
             last = server.sample(model.joint_names, [state], start + 0.1 * k)
         torques.append(last.tau)

@@ -271,6 +271,7 @@ class Graph:
             **os.environ,
             'ROS_DOMAIN_ID': str(self.domain),
             'ROS_LOG_DIR': str(folder / 'ros_log'),
+            'XDG_STATE_HOME': str(folder / 'state'),
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
             'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')]),
         }

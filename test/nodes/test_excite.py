@@ -13,13 +13,14 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('control_msgs', reason='needs control_msgs')
 
+from control_msgs.msg import DynamicJointState
 from nodes.moved_arm import ACTION, JOINTS, REFERENCE
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, String
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.nodes import qos
+from lip_id_ros.nodes import messages, qos
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Process, Ros
@@ -462,12 +463,25 @@ def test_a_monitor_that_dies_stops_the_motion(ros: Ros, tmp_path: Path, model_pa
     unmoved = {'smallest_contact': [1e3], 'deviation_constant': [1e3]}  # it knows another arm
     monitor = graph.start('monitor', model_path=model_path, **unmoved)
     started(ros, tmp_path, stale_timeout_s=1.0)
-    contacts = client.listen(Bool, '/monitor/contact')
+    contacts = client.listen(DynamicJointState, '/monitor/contact')
     client.wait_until(lambda: contacts, 'a word on contacts')
     begin_to_move(client)
     monitor.send(signal.SIGKILL)
     ended = client.status('excite', lambda status: status['stage'] == 'stopped')
     assert 'the monitor is silent for 1' in ended['summary']
+    await_hold_where_measured(client)
+
+
+def test_a_contact_at_any_joint_stops_the_motion(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    started(ros, tmp_path)
+    monitor = client.speak(DynamicJointState, '/monitor/contact', qos.OUTPUT)
+    begin_to_move(client)
+    values = {'torque': np.array([0.1, 9.0]), 'contact': np.array([0.0, 1.0])}
+    stamp = client.node.get_clock().now().to_msg()
+    monitor.publish(messages.joint_values_message(stamp, JOINTS, values))
+    ended = client.status('excite', lambda status: status['stage'] == 'stopped')
+    assert 'the monitor has found a contact' in ended['summary']
     await_hold_where_measured(client)
 
 
