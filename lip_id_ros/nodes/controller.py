@@ -9,12 +9,12 @@ from typing import Any
 from uuid import uuid4
 
 from action_msgs.srv import CancelGoal
+from control_msgs.action import FollowJointTrajectory
 import numpy as np
 from rclpy.action import ActionClient
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
 
-from lip_id_ros.errors import ConfigError
 from lip_id_ros.nodes import qos
 from lip_id_ros.nodes.node import NodeBase
 
@@ -40,14 +40,13 @@ class Controller:
     """
     The action of a controller. What it is asked to cancel it is asked again until it answers.
 
-    `action`: its full name; ConfigError if its type is not installed.
+    `action`: its name.
     """
 
     def __init__(self, node: NodeBase, action: str) -> None:
-        self.kind = action_type()
         self.action = node.resolve_service_name(action)
         self._node = node
-        self._client = ActionClient(node, self.kind, self.action)
+        self._client = ActionClient(node, FollowJointTrajectory, self.action)
         self._cancels = node.create_client(
             CancelGoal, f'{self.action}/_action/cancel_goal', qos_profile=qos.CALLS
         )
@@ -179,28 +178,3 @@ class SpeedScaling:
         moves = self._before is not None and self._before != positions
         self._before = positions
         return 1.0 if moves else speed
-
-
-def action_type() -> Any:
-    """Return FollowJointTrajectory; ConfigError where its package is not installed."""
-    try:
-        from control_msgs.action import FollowJointTrajectory
-    except ImportError:
-        raise _missing('controller_action', 'empty') from None
-    return FollowJointTrajectory
-
-
-def controller_state_type() -> Any:
-    """Return JointTrajectoryControllerState; ConfigError where its package is not installed."""
-    try:
-        from control_msgs.msg import JointTrajectoryControllerState
-    except ImportError:
-        raise _missing('follow_controller', 'false') from None
-    return JointTrajectoryControllerState
-
-
-def _missing(setting: str, default: str) -> ConfigError:
-    return ConfigError(
-        f'{setting} needs the package control_msgs, which is not installed; install '
-        f'ros-jazzy-control-msgs or leave {setting} {default}.'
-    )

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from control_msgs.action import FollowJointTrajectory
+from control_msgs.msg import JointTrajectoryControllerState
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import GoalEvent
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
@@ -12,7 +14,7 @@ from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from lip_id_ros.feedforward.goals import Ending, GoalCounts, Outcome
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.nodes import messages, qos
-from lip_id_ros.nodes.controller import Controller, controller_state_type, SpeedScaling
+from lip_id_ros.nodes.controller import Controller, SpeedScaling
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.relay import Relay, WatchedTime
 from lip_id_ros.signals.joints import Refusal, RefusedError
@@ -34,8 +36,7 @@ class Goals:
     Fill the efforts of goals, hand them to the controller, and hand back all that it answers.
 
     A goal keeps its identity, its tolerances and whatever else it has. One that cannot be filled,
-    or that no controller would take, is refused. `action` is that of the controller; ConfigError
-    if its type is not installed.
+    or that no controller would take, is refused. `action` is that of the controller.
     """
 
     def __init__(self, node: NodeBase, server: Server, counts: GoalCounts, action: str) -> None:
@@ -47,14 +48,14 @@ class Goals:
         self._scaling, self._speed = SpeedScaling(), 1.0
         name = self.controller.action.rpartition('/')[0]
         self._state = node.create_subscription(
-            controller_state_type(), f'{name}/controller_state', self._on_state, qos.NEWEST
+            JointTrajectoryControllerState, f'{name}/controller_state', self._on_state, qos.NEWEST
         )
         calls = dict.fromkeys(
             [f'{each}_service_qos_profile' for each in ('goal', 'result', 'cancel')], qos.CALLS
         )
         self._offered = ActionServer(
             node,
-            self.controller.kind,
+            FollowJointTrajectory,
             NAME,
             goal_callback=self._on_goal,
             handle_accepted_callback=self._hand_on,
@@ -144,7 +145,7 @@ class Goals:
         del self._relays[_identity(handle)], self._speeds[_identity(handle)]
         self._counts.end(outcome)
         if result is None:
-            result = self.controller.kind.Result(
+            result = FollowJointTrajectory.Result(
                 error_code=outcome.code, error_string=outcome.sentence
             )
         if outcome.ending is Ending.SUCCEEDED:

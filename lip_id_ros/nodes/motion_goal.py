@@ -7,6 +7,7 @@ import time
 from typing import Any
 
 from action_msgs.msg import GoalStatus
+from control_msgs.action import FollowJointTrajectory
 import numpy as np
 from rcl_interfaces.srv import GetParameters
 import rclpy
@@ -132,12 +133,12 @@ class MotionGoal:
         """Have a motion executed to its end; HaltError where the controller ends it otherwise."""
         # a controller may take no notice of names
         self._names, t, *states = planned.in_order(self._order or planned.joint_names)
-        goal = self._controller.kind.Goal(
+        goal = FollowJointTrajectory.Goal(
             trajectory=messages.plan_message(self._names, t, *states)
         )
         self._sent_at, self._accepted_at = self._now_s(), np.inf
         self._takes_s, self._goal_id = float(t[-1]), new_goal_id()
-        sent = self._controller.send(goal, self._goal_id)
+        sent = self._send(goal, self._goal_id)
         handle = await until(sent, LONGEST_ANSWER_S, self._action)
         if not handle.accepted:
             self._goal_id = None
@@ -148,6 +149,17 @@ class MotionGoal:
         if (reason := self._ended_otherwise(answer)) is not None:
             self._hold()
             raise HaltError(reason)
+
+    def _send(self, goal: Any, goal_id: UUID) -> Future:
+        """Send a goal; it is cancelled again where it is accepted after it was halted."""
+        sent = self._controller.send(goal, goal_id)
+
+        def on_answer(answer: Future) -> None:
+            if answer.result().accepted and self._goal_id != goal_id:
+                self._controller.cancel(goal_id)
+
+        sent.add_done_callback(on_answer)
+        return sent
 
     def _ended_otherwise(self, answer: Any) -> str | None:
         """Return how the controller has ended the motion, if not at its end and in time."""
@@ -195,7 +207,7 @@ class MotionGoal:
             return
         still = np.zeros((1, len(self._names)))
         plan = messages.plan_message(self._names, np.array([HOLD_S]), position[None], still, still)
-        goal = self._controller.kind.Goal(trajectory=plan)
+        goal = FollowJointTrajectory.Goal(trajectory=plan)
         self._holding = self._controller.send(goal, new_goal_id())
         self._holding.add_done_callback(self._on_held)
         self.held = dict(zip(self._names, position.tolist(), strict=True))

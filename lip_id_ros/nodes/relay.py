@@ -101,7 +101,9 @@ class Relay:
         theirs = asked.result()
         if not theirs.accepted:
             self._end(goals.rejected(self._controller.action))
-        elif not self._has_ended:
+        elif self._has_ended:  # the cancel may have come before the goal
+            self.cancel()
+        else:
             self._theirs = theirs
             self._ask_for_result()
 

@@ -7,7 +7,7 @@ import time
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
-from control_msgs.msg import DynamicInterfaceGroupValues
+from control_msgs.msg import DynamicInterfaceGroupValues, JointTrajectoryControllerState
 import numpy as np
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -18,7 +18,7 @@ from lip_id_ros.feedforward.goals import GoalCounts
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import messages, qos
-from lip_id_ros.nodes.controller import Controller, controller_state_type, SpeedScaling
+from lip_id_ros.nodes.controller import Controller, SpeedScaling
 from lip_id_ros.nodes.goals import Goals
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.serve_outputs import (
@@ -78,13 +78,9 @@ class Inputs:
         )
 
     def configure(self, settings: ServeSettings) -> None:
-        """
-        Subscribe to what is asked for.
-
-        ConfigError if a message type is not installed, or an input is an output too.
-        """
+        """Subscribe to what is asked for; ConfigError if an input is an output too."""
         if settings.follow_controller:
-            kind = controller_state_type()
+            kind = JointTrajectoryControllerState
             self._add(kind, '~/controller_state', self._on_controller_state)
         if settings.follow_joint_states:
             self._add(JointState, 'joint_states', self._on_joint_state)

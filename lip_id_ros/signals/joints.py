@@ -126,8 +126,8 @@ _SENTENCES = {
         'pauses'
     ),
     Refusal.OLD: (
-        'the reference was stamped or sent more than stale_timeout_s ago; check for pauses, load '
-        'and clocks, or leave its stamp zero'
+        'the reference was stamped or sent more than stale_timeout_s ago; check for pauses and '
+        'load, synchronise the clocks, or leave its stamp zero'
     ),
     Refusal.OVERTAKEN: (
         'references came faster than they are answered, only the newest is; send fewer a second'
