@@ -80,7 +80,7 @@ def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
     rest = np.zeros((1, model.n_joints))
     model.query(rest[0], rest[0], rest[0])
     model.predict(rest, rest, rest)
-    if settings.needs_deviations:
+    if settings.publish_std:
         model.standard_deviation(rest, rest, rest)
     adapted = None
     if settings.follow_adaptation:

@@ -21,7 +21,7 @@ from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.feedforward.measured import MeasuredArm
 from lip_id_ros.feedforward.plan_check import fits, fitting_scale
 from lip_id_ros.feedforward.refinement import Filled, filled
-from lip_id_ros.feedforward.settings import make_rules, Overload, Policy, SafeValue, ServeSettings
+from lip_id_ros.feedforward.settings import make_rules, Overload, SafeValue, ServeSettings
 from lip_id_ros.feedforward.shaping import Shaper, TrainingRange
 from lip_id_ros.feedforward.status import ServeCounts
 from lip_id_ros.model import Prediction, Query
@@ -90,7 +90,6 @@ class ServedArm:
         self._counts = counts
         self._order = JointOrder(self.joint_names)
         self._settings = settings
-        self._std: Array | None = None
         self._std_at = -np.inf
 
     def adjust(self, settings: ServeSettings) -> None:
@@ -109,12 +108,11 @@ class ServedArm:
         state = self._order.states(names, points)[:, 0] * speed ** np.arange(3.0)[:, None]
         query = self.loaded.query(state, now)
         std = self._new_deviation(state, now)
-        checked = None if self.shaper.rules.std_policy is Policy.IGNORE else self._std
         if self.shaper.rules.friction:
             wanted = self._with_gravity(query)
         else:
             wanted = self._torques(*state[:, np.newaxis])[0]
-        tau = self.shaper.sample(wanted, now, state, checked)
+        tau = self.shaper.sample(wanted, now, state)
         return ServedTorque(tau, query, state, std)
 
     def plan(
@@ -213,11 +211,11 @@ class ServedArm:
     def _new_deviation(self, state: Array, now: float) -> Array | None:
         """Return standard deviations (n,), at most `std_rate_hz` times a second."""
         due = now - self._std_at >= 1.0 / self._settings.std_rate_hz
-        if not due or not self._settings.needs_deviations:
+        if not due or not self._settings.publish_std:
             return None
-        self._std = self.loaded.model.standard_deviation(*state[:, np.newaxis]).tau[0]
         self._std_at = now
-        return self._std
+        std: Array = self.loaded.model.standard_deviation(*state[:, np.newaxis]).tau[0]
+        return std
 
 
 def _is_at_rest(here: Array) -> bool:

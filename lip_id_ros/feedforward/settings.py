@@ -28,8 +28,6 @@ from lip_id_ros.signals.torque_steps import (
     require_limits,
 )
 
-OFF = {'off': 'ignore', 'False': 'ignore'}  # as YAML reads off
-
 
 class Policy(StrEnum):
     """What is done with a reference that a check finds doubtful."""
@@ -173,26 +171,12 @@ class ServeSettings(Settings):
         'For references outside the training range: count and warn, scale torques down until '
         'they are zero at twice the range, or make them zero.',
         choices=tuple(Policy),
-        old_values=OFF,
+        old_values={'off': 'ignore', 'False': 'ignore'},  # as YAML reads off
     )
     range_margin: tuple[float, ...] = setting(
         (0.2,),
         'Distance that a joint may go beyond its training range, as a share of half of it. '
         f'{PER_JOINT}',
-        minimum=0.0,
-    )
-    std_policy: str = setting(
-        'ignore',
-        'For streams with a torque whose standard deviation is above its limit: count and warn, '
-        'scale torques down until they are zero at twice the limit, or make them zero.',
-        applies=ON_CONFIGURE,
-        choices=tuple(Policy),
-        old_values=OFF,
-    )
-    std_limits: tuple[float, ...] = setting(
-        (),
-        f'Largest standard deviation of a torque, for std_policy. {PER_JOINT}',
-        unit='N m or N',
         minimum=0.0,
     )
     std_rate_hz: float = setting(
@@ -265,11 +249,6 @@ class ServeSettings(Settings):
     )
     executor: str = executor_setting()
 
-    @property
-    def needs_deviations(self) -> bool:
-        """Whether standard deviations are computed at all."""
-        return self.publish_std or self.std_policy != Policy.IGNORE
-
 
 def require_changeable(before: ServeSettings, after: ServeSettings, state: str) -> None:
     """Raise ConfigError for a change of what is read when the node is configured."""
@@ -291,10 +270,9 @@ class Rules:
     `limits`, `rates`, shape (n,): largest magnitude and change, infinite where there is none.
     `ramp_s`: time to blend from the torque sent before to the one asked for [s]. `safe_ramp_s`: to
     the safe torque once references have stopped. `stale_timeout_s`: longest silence of a stream,
-    infinite for any, and `safe_value`: what follows it. `range_policy`, `std_policy`: what is done
-    outside the training range widened by `margins`, shape (n,), as a share of half of it, and
-    beyond `std_limits`. `overload`: what is done with a plan that would exceed the limits.
-    `follow`: how updates are followed.
+    infinite for any, and `safe_value`: what follows it. `range_policy`: what is done outside the
+    training range widened by `margins`, shape (n,), as a share of half of it. `overload`: what is
+    done with a plan that would exceed the limits. `follow`: how updates are followed.
     """
 
     limits: Array
@@ -310,8 +288,6 @@ class Rules:
     overload: Overload
     range_policy: Policy
     margins: Array
-    std_policy: Policy
-    std_limits: Array
     follow: FollowRules
 
     def same_torque(self, other: Rules) -> bool:
@@ -321,9 +297,7 @@ class Rules:
             and self.gravity == other.gravity
             and self.friction == other.friction
             and self.range_policy == other.range_policy
-            and self.std_policy == other.std_policy
             and np.array_equal(self.margins, other.margins)
-            and np.array_equal(self.std_limits, other.std_limits)
         )
 
 
@@ -354,8 +328,6 @@ def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
         overload=Overload(settings.overload_policy),
         range_policy=Policy(settings.range_policy),
         margins=per_joint('range_margin', 0.0),
-        std_policy=Policy(settings.std_policy),
-        std_limits=per_joint('std_limits', np.inf),
         follow=follow_rules(settings, joint_names),
     )
 
@@ -367,11 +339,6 @@ def require_consistent(settings: ServeSettings) -> None:
         raise ConfigError(
             'payload_models must name a file each, but one is empty; the empty name is that of '
             'model_path.'
-        )
-    if settings.std_policy != Policy.IGNORE and not settings.std_limits:
-        raise ConfigError(
-            'std_limits must hold a largest standard deviation where std_policy is '
-            f'{settings.std_policy}, but it is empty; give one per joint or one for all.'
         )
 
 

@@ -137,8 +137,6 @@ def test_settings_are_compared_with_the_arm_or_the_named_joints(settings: ServeS
         require_rules(replace(wrong, joints=('a',)), None)
     with pytest.raises(ConfigError, match=r'torque_limits must hold one value per joint'):
         require_rules(wrong, load_model(settings, ()))
-    with pytest.raises(ConfigError, match=r'std_limits must hold'):
-        require_rules(replace(settings, std_policy='warn'), None)
 
 
 def test_a_model_without_gravity_is_for_robots_that_add_their_own() -> None:

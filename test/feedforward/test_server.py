@@ -42,7 +42,7 @@ def serving(**settings: Any) -> Server:
 
 
 def counted(server: Server) -> dict[str, int]:
-    keys = ('limited', 'rate_limited', 'out_of_range', 'uncertain', 'stale')
+    keys = ('limited', 'rate_limited', 'out_of_range', 'stale')
     return {key: server.values()[key] for key in keys if server.values()[key]}
 
 
