@@ -2,8 +2,8 @@
 Hostile messages and requests to all nodes: none ends, and their counters add up.
 
 Every message that a node receives is used or refused by a reason. Torques are finite and within
-their limits, whatever was asked. Lifecycle transitions, parameters of absurd types and reloads
-come in between.
+their limits, whatever was asked and whenever it was sent. Lifecycle transitions, parameters of
+absurd types and reloads come in between.
 
 """
 
@@ -19,6 +19,7 @@ import tempfile
 import time
 from typing import Any
 
+from control_msgs.msg import JointTrajectoryControllerState
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Inertia, InertiaStamped, Vector3
 from lifecycle_msgs.srv import ChangeState
@@ -33,7 +34,14 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from benchmarks._cells import running
-from benchmarks._hostile import counts, hostile_states, hostile_trajectory, ODD, USES
+from benchmarks._hostile import (
+    counts,
+    hostile_controller_state,
+    hostile_states,
+    hostile_trajectory,
+    ODD,
+    USES,
+)
 from benchmarks._serve_client import spun
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification import fit
@@ -125,6 +133,8 @@ def parameters_of(model: str, arm: str, folder: str) -> dict[str, dict[str, str]
             'accept_unproven': 'true',
             'joints': joints,
             'torque_limits': limits,
+            'follow_controller': 'true',
+            'stale_policy': 'gravity',
         },
         'train': {
             'record_on_start': 'true',
@@ -172,6 +182,9 @@ class Fuzzer:
         self._reference = node.create_publisher(
             JointTrajectory, '/serve/desired_trajectory', qos.REFERENCE
         )
+        self._controller = node.create_publisher(
+            JointTrajectoryControllerState, '/serve/controller_state', qos.OUTPUT
+        )
         self._states = node.create_publisher(JointState, '/joint_states', qos.OUTPUT)
         self._payloads = node.create_publisher(
             InertiaStamped, '/adapt/announced_payload', qos.DIAGNOSTICS
@@ -205,8 +218,11 @@ class Fuzzer:
         self._until(self._all_counted, LOST_SECONDS)
 
     def _send(self, state: JointState, number: int) -> None:
-        if number % 2:
-            self._reference.publish(hostile_trajectory(self._rng, number, NAMES))
+        if number % 4 == 1:
+            self._reference.publish(hostile_trajectory(self._rng, NAMES))
+            self.sent['serve'] += 1
+        elif number % 4 == 3:
+            self._controller.publish(hostile_controller_state(self._rng, NAMES))
             self.sent['serve'] += 1
         else:
             self._states.publish(state)

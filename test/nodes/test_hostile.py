@@ -211,9 +211,9 @@ def test_every_message_to_any_node_is_used_or_refused(ros: Ros, model_path: str)
     states = client.speak(JointState, '/joint_states', listeners=3)
     client.status('serve', lambda status: status['state'] == 'active')
     rng = np.random.default_rng(5)
-    for number, state in zip(range(600), hostile_states(rng, toy.JOINTS), strict=False):
+    for _, state in zip(range(600), hostile_states(rng, toy.JOINTS), strict=False):
         states.publish(state)
-        references.publish(hostile_trajectory(rng, number, toy.JOINTS))
+        references.publish(hostile_trajectory(rng, toy.JOINTS))
         time.sleep(0.003)  # joint states are best effort: a loaded machine loses some
     client.status('serve', lambda status: status['received']['references'] == 600)
     for node in ('serve', 'train', 'monitor'):
