@@ -87,8 +87,8 @@ class Contacts:
 
     def outcome(self) -> tuple[str, Mapping[str, Any]]:
         """Return how the last calibration has ended, and parameters that detect what it shows."""
-        found = self._calibration
-        if found is None or not found.least.any():  # given, not found
+        found = self._found
+        if found is None:
             return self.failure, {}
         sentence = f'calibrated: {found.in_words(self._joint_names)} would show'
         return self.failure or sentence, {
@@ -101,11 +101,17 @@ class Contacts:
         """Return the deviations under the names of their parameters, and the counts."""
         return {
             **(_shares(self._detector.deviation) if self._detector else NO_SHARES),
-            'least_contact': self._calibration.least.tolist() if self._calibration else None,
+            'least_contact': self._found.least.tolist() if self._found else None,
             'contacts': self._n_contacts,
             'blind': self._n_blind,
             'failure': self.failure,
         }
+
+    @property
+    def _found(self) -> Calibration | None:
+        """The last calibration, unless deviations were given."""
+        given = self._calibration is None or not self._calibration.least.any()
+        return None if given else self._calibration
 
     def _learn(self, free: FreeMotion) -> None:
         self._free = None
