@@ -139,7 +139,7 @@ def served(folder: Path, parameters: Path, model_path: str) -> Iterator[Control]
             'serve',
             [
                 *('-p', f'model_path:={model_path}', '-p', f'torque_limits:=[{toy.LIMIT}]'),
-                *('-p', 'ramp_s:=0.0', '-p', 'stale_timeout_s:=0.0'),
+                *('-p', 'ramp_s:=0.0', '-p', 'stale_timeout_s:=0.0', '-p', 'autostart:=true'),
                 *('-p', 'controller_action:=/arm/follow_joint_trajectory'),
                 *('-p', 'follow_controller:=true'),
                 *('-r', '~/controller_state:=/arm/controller_state'),
