@@ -143,7 +143,7 @@ def served(
             'serve',
             [
                 *('-p', f'model_path:={model_path}', '-p', f'torque_limits:=[{toy.LIMIT}]'),
-                *('-p', 'ramp_s:=0.0', '-p', 'stale_timeout_s:=0.0'),
+                *('-p', 'ramp_s:=0.0', '-p', 'stale_timeout_s:=0.0', '-p', 'autostart:=true'),
                 *('-p', 'controller_action:=/arm/follow_joint_trajectory'),
                 *('-p', 'follow_controller:=true'),
                 *('-r', '~/controller_state:=/arm/controller_state'),
