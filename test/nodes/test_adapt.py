@@ -290,8 +290,9 @@ def test_serve_follows_friction_that_doubled_and_goes_back_when_adapt_is_killed(
     client.wait_until(lambda: stream.is_at(fitted, 1e-6), 'the torque of the fit again')
     whole = float(np.abs(doubled - fitted).max())
     assert stream.largest_step < 0.3 * whole  # 0.05 s of 0.5 s count at most, and no more
-    status = client.status('serve', lambda status: status['adaptation']['gone_back'] == 1)
-    assert 'follows the commissioned model: no update for 2 s' in status['summary']
+    sentence = 'follows the commissioned model: no update for 2 s'
+    status = client.status('serve', lambda status: sentence in status['summary'])
+    assert status['adaptation']['gone_back'] >= 1  # more on a busy machine
 
 
 def test_serve_refuses_updates_that_are_foreign_or_not_finite_and_may_stop_to_follow(
