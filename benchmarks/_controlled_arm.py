@@ -14,8 +14,10 @@ from typing import Any
 from control_msgs.msg import JointTrajectoryControllerState
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
+from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
@@ -28,11 +30,11 @@ from benchmarks.track_controller import (
     feedforwards,
     GAINS,
     JOINTS,
-    LEARNED,
     learned,
     LEARNED_FROM,
     NOMINAL,
     reference,
+    THROUGH_SERVE,
     true_arm,
 )
 from lip_id_ros.arrays import Array
@@ -70,6 +72,7 @@ def main(request: dict[str, Any]) -> dict[str, Any]:
             'accept_unproven': 'true',  # its errors are measured here
             'torque_limits': json.dumps(LIMITS),
             'joints': json.dumps(list(JOINTS)),
+            'autostart': 'true',
         }
         remap = ['-r', f'~/trajectory_with_effort:={PLANS}']
         stack.enter_context(running('serve', parameters, remap))
@@ -79,10 +82,10 @@ def main(request: dict[str, Any]) -> dict[str, Any]:
                 'seed': request['seed'],
                 'amplitude': amplitude,
                 'feedforward': name,
-                **client.follow(amplitude, feedforward)[1],
+                **client.follow(amplitude, feedforward, *THROUGH_SERVE.get(name, ()))[1],
             }
             for amplitude in request['amplitudes']
-            for name, feedforward in {**known, LEARNED: None}.items()
+            for name, feedforward in {**known, **dict.fromkeys(THROUGH_SERVE)}.items()
         ]
     return {'rows': rows}
 
@@ -103,6 +106,7 @@ class Client:
         self._direct = node.create_publisher(JointTrajectory, PLANS, qos.OUTPUT)
         topic = '/serve/desired_trajectory'
         self._filled = node.create_publisher(JointTrajectory, topic, qos.OUTPUT)
+        self._parameters = node.create_client(SetParameters, '/serve/set_parameters')
         wait(lambda: self._direct.get_subscription_count() > 0)
         wait(lambda: self._measured)
 
@@ -113,22 +117,36 @@ class Client:
         time.sleep(REST_S)  # the controller has to be found too
 
     def follow(
-        self, amplitude: float, feedforward: Feedforward | None
+        self,
+        amplitude: float,
+        feedforward: Feedforward | None,
+        every: int = 1,
+        refine: bool = True,
     ) -> tuple[JointSamples, dict[str, list[float]]]:
         """Follow a reference from rest, with the torques of `serve` by default; return figures."""
         t, states = reference(amplitude, self._horizon)
         self._rest(states[0][0])
-        plan = messages.plan_message(JOINTS, t, *states)
         self._states.clear()
         self._measured.clear()
         if feedforward is None:
-            self._filled.publish(plan)
+            self._refine(refine)
+            rows = np.unique(np.append(np.arange(0, len(t), every), len(t) - 1))
+            self._filled.publish(
+                messages.plan_message(JOINTS, t[rows], *(each[rows] for each in states))
+            )
         else:
-            self._direct.publish(messages.with_effort(plan, feedforward(*states)))
+            tau = feedforward(*states)
+            self._direct.publish(messages.plan_message(JOINTS, t, *states, tau))
         # where the machine is busy, serve fills a plan later
         wait(lambda: self._is_at(states[0][-1]))
         time.sleep(BEHIND_S)
         return samples_of(list(self._measured)), self._figures()
+
+    def _refine(self, refine: bool) -> None:
+        """Have `serve` add points to plans, or not."""
+        value = Parameter('refine_plans', value=refine).to_parameter_msg()
+        asked = self._parameters.call_async(SetParameters.Request(parameters=[value]))
+        wait(asked.done)
 
     def _figures(self) -> dict[str, list[float]]:
         """Return the paper's figures of the states within the horizon, for each joint."""
@@ -158,9 +176,9 @@ class Client:
 
     def _rest(self, q: Array) -> None:
         still = np.zeros((1, len(JOINTS)))
-        plan = messages.plan_message(JOINTS, np.array([REST_S]), q[None], still, still)
         gravity = true_arm().torque(q[None], still, still)
-        self._direct.publish(messages.with_effort(plan, gravity))
+        plan = messages.plan_message(JOINTS, np.array([REST_S]), q[None], still, still, gravity)
+        self._direct.publish(plan)
         time.sleep(2.0 * REST_S)
 
     def _on_serve(self, message: DiagnosticStatus) -> None:

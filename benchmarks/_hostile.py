@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 import math
+import time
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
+from control_msgs.msg import JointTrajectoryControllerState
 import numpy as np
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -44,7 +46,7 @@ def counts(name: str, status: Mapping[str, Any]) -> tuple[int, int]:
     used = {key: n for key, n in status.items() if key in USES[name]}
     if name == 'serve':
         received = sum(received.values())
-        used = {**status['answered'], **status['unmeasured'], 'waiting': status['waiting']}
+        used = {**status['answered'], **status['unmeasured']}
     refused = status['rejected' if name == 'train' else 'refused']
     return received, sum(used.values()) + sum(refused.values())
 
@@ -65,13 +67,11 @@ def hostile_states(rng: np.random.Generator, names: Sequence[str]) -> Iterator[J
         yield message
 
 
-def hostile_trajectory(
-    rng: np.random.Generator, number: int, names: Sequence[str]
-) -> JointTrajectory | bytes:
+def hostile_trajectory(rng: np.random.Generator, names: Sequence[str]) -> JointTrajectory | bytes:
     """Return a reference or a plan, usually with something wrong; sometimes damaged bytes."""
     some = _names(rng, names)
     trajectory = JointTrajectory(joint_names=some)
-    trajectory.header.stamp = _stamp(rng, number)
+    trajectory.header.stamp = _sent_stamp(rng)
     n_points = int(rng.choice(POINTS, p=SHARES))
     trajectory.points = [
         JointTrajectoryPoint(
@@ -116,6 +116,34 @@ def _stamp(rng: np.random.Generator, number: int) -> Time:
     if kind < 0.9:
         return Time(sec=int(rng.choice([-1, -(2**31), 1, 2**31 - 1])))
     return Time(sec=START_S + number // 100 + int(rng.integers(-5, 15)))
+
+
+def hostile_controller_state(
+    rng: np.random.Generator, names: Sequence[str]
+) -> JointTrajectoryControllerState:
+    """Return a state of a controller at any speed, usually with something wrong."""
+    some = _names(rng, names)
+    reference = JointTrajectoryPoint(
+        positions=_values(rng, len(some)),
+        velocities=_values(rng, len(some)),
+        accelerations=_values(rng, len(some)),
+    )
+    state = JointTrajectoryControllerState(joint_names=some, reference=reference)
+    state.header.stamp = _sent_stamp(rng)
+    state.speed_scaling_factor = float(rng.choice([1.0, 1.0, 0.3, 0.0, *ODD]))
+    return state
+
+
+def _sent_stamp(rng: np.random.Generator) -> Time:
+    """Return the present time, none, an absurd one, or that of a clock up to an hour away."""
+    kind = rng.random()
+    if kind < 0.1:
+        return Time()
+    if kind < 0.15:
+        return Time(sec=int(rng.choice([-1, -(2**31), 1, 2**31 - 1])))
+    away_s = 0.0 if kind < 0.8 else rng.choice([0.4, 10.5, 3600.0]) * rng.choice([-1.0, 1.0])
+    sec, nanosec = divmod(time.time_ns() + round(1e9 * away_s), 10**9)
+    return Time(sec=sec, nanosec=nanosec)
 
 
 def damaged(rng: np.random.Generator, message: Any) -> bytes:

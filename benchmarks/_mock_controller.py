@@ -21,8 +21,12 @@ STATES = ('position', 'velocity', 'effort')
 NAME = 'arm_controller'
 
 
-def description(joints: Sequence[str]) -> str:
-    """Return a URDF of mock hardware: efforts are mirrored, positions too where commanded."""
+def description(joints: Sequence[str], speed: float | None = None) -> str:
+    """
+    Return a URDF of mock hardware: efforts are mirrored, positions too where commanded.
+
+    `speed`: a factor on the time of plans, in the state interface speed/factor.
+    """
     links = ['base', *(f'{joint}_link' for joint in joints)]
     tree = [f'<link name="{link}"/>' for link in links]
     tags = []
@@ -39,6 +43,11 @@ def description(joints: Sequence[str]) -> str:
             for each in STATES
         ]
         tags.append(f'<joint name="{joint}">{"".join([*commands, *states])}</joint>')
+    if speed is not None:
+        tags.append(
+            '<gpio name="speed"><state_interface name="factor">'
+            f'<param name="initial_value">{speed}</param></state_interface></gpio>'
+        )
     hardware = '<hardware><plugin>mock_components/GenericSystem</plugin></hardware>'
     return (
         f'<robot name="arm">{"".join(tree)}<ros2_control name="arm" type="system">{hardware}'

@@ -15,13 +15,13 @@ import threading
 import time
 from typing import Any, NamedTuple
 
+from control_msgs.msg import DynamicInterfaceGroupValues
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import rclpy
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from benchmarks._cells import running
@@ -87,7 +87,9 @@ class Updates:
     """
 
     def __init__(self, node: Node, path: str, most: float) -> None:
-        self._publisher = node.create_publisher(String, '/adapt/update', qos.LATCHED)
+        kind = DynamicInterfaceGroupValues
+        self._publisher = node.create_publisher(kind, '/adapt/update', qos.LATCHED)
+        self._clock = node.get_clock()
         node.create_subscription(DiagnosticStatus, '/serve/status', self._hear, qos.LATCHED)
         self._waiting = iter(_updates(path, math.ceil(1.1 * most)))
         self.followed = 0
@@ -107,22 +109,22 @@ class Updates:
     def _publish(self, rate_hz: float, ended: threading.Event) -> None:
         rng = np.random.default_rng()
         while not ended.wait(rng.uniform(0.5, 1.5) / rate_hz):
-            self._publisher.publish(next(self._waiting))
+            stamp = self._clock.now().to_msg()
+            self._publisher.publish(messages.update_message(stamp, '/adapt', next(self._waiting)))
 
     def _hear(self, message: DiagnosticStatus) -> None:
         self.followed = messages.status_values(message)['adaptation'].get('followed', 0)
 
 
-def _updates(path: str, count: int) -> list[bytes]:
-    """Return serialized updates of a model."""
+def _updates(path: str, count: int) -> list[Update]:
+    """Return updates of a model."""
     model = InverseDynamicsModel.load(path)
     arm = FollowedArm(model, WalkSettings())
     found = []
-    for counter in range(count):
+    for number in range(count):
         numbers = arm.start.copy()
-        numbers[arm.friction] *= 1.0 + 0.1 * np.sin(counter)
-        text = Update(model.fingerprint, counter, numbers, True, (1.0, 1.0)).to_text()
-        found.append(serialize_message(String(data=text)))
+        numbers[arm.friction] *= 1.0 + 0.1 * np.sin(number)
+        found.append(Update(model.fingerprint, numbers, True))
     return found
 
 
@@ -250,6 +252,7 @@ def serving(
         'serve',
         {
             'model_path': model,
+            'autostart': 'true',
             'accept_unproven': 'true',  # its speed is measured, not its errors
             'executor': executor,
             'torque_limits': json.dumps(LIMITS),

@@ -19,7 +19,7 @@ from benchmarks._zoo import drawn, load_arm, NOISE, random_motion, SerialArm, Si
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import DataError
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.monitoring import ContactDetector, external_torques, ExternalTorque
+from lip_id_ros.monitoring import Calibration, ContactDetector, external_torques, ExternalTorque
 from lip_id_ros.simulation.arm import panda_urdf
 from lip_id_ros.simulation.datasets import make_dataset
 from lip_id_ros.simulation.trajectories import SinusoidTrajectory
@@ -68,7 +68,7 @@ def figures(arm: SerialArm, sizes: Sequence[float], seed: int) -> list[dict[str,
     lines: list[dict[str, object]] = []
     for size in sizes:
         try:
-            detector = ContactDetector.calibrated(model.joint_names, calibration, size, NO_ERROR)
+            detector = Calibration.of(calibration, NO_ERROR).detector(model.joint_names, size)
         except DataError as error:  # too small for this arm
             lines.append({'torque': size, 'refused': str(error)})
             continue

@@ -2,8 +2,8 @@
 Hostile messages and requests to all nodes: none ends, and their counters add up.
 
 Every message that a node receives is used or refused by a reason. Torques are finite and within
-their limits, whatever was asked. Lifecycle transitions, parameters of absurd types and reloads
-come in between.
+their limits, whatever was asked and whenever it was sent. Lifecycle transitions, parameters of
+absurd types and reloads come in between.
 
 """
 
@@ -19,7 +19,9 @@ import tempfile
 import time
 from typing import Any
 
+from control_msgs.msg import JointTrajectoryControllerState
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import Inertia, InertiaStamped, Vector3
 from lifecycle_msgs.srv import ChangeState
 import numpy as np
 from rcl_interfaces.msg import Parameter, ParameterValue
@@ -27,11 +29,19 @@ from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from benchmarks._cells import running
-from benchmarks._hostile import counts, hostile_states, hostile_trajectory, USES
+from benchmarks._hostile import (
+    counts,
+    hostile_controller_state,
+    hostile_states,
+    hostile_trajectory,
+    ODD,
+    USES,
+)
 from benchmarks._serve_client import spun
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.identification import fit
@@ -119,9 +129,12 @@ def parameters_of(model: str, arm: str, folder: str) -> dict[str, dict[str, str]
     return {
         'serve': {
             'model_path': model,
+            'autostart': 'true',
             'accept_unproven': 'true',
             'joints': joints,
             'torque_limits': limits,
+            'follow_controller': 'true',
+            'stale_policy': 'gravity',
         },
         'train': {
             'record_on_start': 'true',
@@ -169,14 +182,19 @@ class Fuzzer:
         self._reference = node.create_publisher(
             JointTrajectory, '/serve/desired_trajectory', qos.REFERENCE
         )
+        self._controller = node.create_publisher(
+            JointTrajectoryControllerState, '/serve/controller_state', qos.OUTPUT
+        )
         self._states = node.create_publisher(JointState, '/joint_states', qos.OUTPUT)
+        self._payloads = node.create_publisher(
+            InertiaStamped, '/adapt/announced_payload', qos.DIAGNOSTICS
+        )
         self._clients = {
             '/serve/change_state': node.create_client(ChangeState, '/serve/change_state'),
             '/serve/enable': node.create_client(SetBool, '/serve/enable'),
             '/serve/reload_model': node.create_client(Trigger, '/serve/reload_model'),
             '/monitor/calibrate': node.create_client(Trigger, '/monitor/calibrate'),
             '/adapt/reset': node.create_client(Trigger, '/adapt/reset'),
-            '/adapt/announce_payload': node.create_client(SetBool, '/adapt/announce_payload'),
             '/train/cancel': node.create_client(Trigger, '/train/cancel'),
             **{
                 f'/{name}/set_parameters': node.create_client(
@@ -200,8 +218,11 @@ class Fuzzer:
         self._until(self._all_counted, LOST_SECONDS)
 
     def _send(self, state: JointState, number: int) -> None:
-        if number % 2:
-            self._reference.publish(hostile_trajectory(self._rng, number, NAMES))
+        if number % 4 == 1:
+            self._reference.publish(hostile_trajectory(self._rng, NAMES))
+            self.sent['serve'] += 1
+        elif number % 4 == 3:
+            self._controller.publish(hostile_controller_state(self._rng, NAMES))
             self.sent['serve'] += 1
         else:
             self._states.publish(state)
@@ -221,7 +242,9 @@ class Fuzzer:
         """Call a service with something absurd; leave `serve` active and enabled."""
         name = str(self._rng.choice(list(self._clients)))
         answer = self._clients[name].call_async(absurd_request(self._rng, name))
-        self._until(answer.done, LOST_SECONDS)
+        if name != '/monitor/calibrate':  # which answers after a minute of motion
+            self._until(answer.done, LOST_SECONDS)
+        self._payloads.publish(absurd_payload(self._rng))
         self.n_requests += 1
         if name == '/serve/enable':
             self._until(
@@ -232,6 +255,14 @@ class Fuzzer:
         deadline = time.monotonic() + seconds
         while not condition() and time.monotonic() < deadline:
             time.sleep(0.01)
+
+
+def absurd_payload(rng: np.random.Generator) -> InertiaStamped:
+    """Return a payload that is rarely one."""
+    m, x, y, ixx = (float(value) for value in rng.choice([*ODD, 0.5], 4))
+    inertia = Inertia(m=m, com=Vector3(x=x, y=y), ixx=ixx)
+    frame = str(rng.choice(['', 'b_link', 'tool0']))
+    return InertiaStamped(header=Header(frame_id=frame), inertia=inertia)
 
 
 def absurd_request(rng: np.random.Generator, name: str) -> Any:
@@ -245,6 +276,6 @@ def absurd_request(rng: np.random.Generator, name: str) -> Any:
         value = ParameterValue(type=int(rng.choice([0, 9, 10, 99, 255])))
         key = str(rng.choice(['executor', 'model_path', 'ramp_s', '', 'absent', 'a.b']))
         return SetParameters.Request(parameters=[Parameter(name=key, value=value)])
-    if name.endswith(('enable', 'announce_payload')):
+    if name.endswith('enable'):
         return SetBool.Request(data=bool(rng.integers(2)))
     return Trigger.Request()

@@ -21,7 +21,7 @@ import numpy as np
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.loading.examined import load_dataset
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.monitoring import ContactDetector, external_torques, ExternalTorque
+from lip_id_ros.monitoring import Calibration, ContactDetector, external_torques, ExternalTorque
 from lip_id_ros.workflow.fit import fit
 
 HELD_S = 0.5
@@ -72,7 +72,7 @@ def main(arguments: list[str]) -> int:
     training = [*sorted(options.folder.glob('C1_*.csv')), *free[:-1]]
     model = fit(load_dataset(training))
     calm = [each for path in training for each in _watched(model, read(path))]
-    detector = ContactDetector.calibrated(model.joint_names, calm, options.smallest)
+    detector = Calibration.of(calm).detector(model.joint_names, options.smallest)
     pushed = [path for path in sorted(options.folder.glob('*.csv')) if _extra(path).exists()]
     outcomes = {path.stem: outcome(model, detector, read(path)) for path in (free[-1], *pushed)}
     for name, found in outcomes.items():

@@ -3,7 +3,7 @@ The paper's tracking experiment, behind a real joint_trajectory_controller.
 
 A simulated Panda follows a reference with the torques of a nominal model as feedforward, whose
 masses are wrong. A model is learned of that run. Then both are the feedforward of the same
-reference and of a larger one.
+reference and of a larger one; the learned one also of plans with few points.
 
 """
 
@@ -61,6 +61,10 @@ PREPROCESSING = PreprocessingSettings(cutoff_hz=12.5, max_samples=500)
 """About 50 samples a second, as the paper keeps."""
 
 NOMINAL, INFORMED, KDL, LEARNED = 'nominal', 'nominal, true friction', 'true, as KDL', 'learned'
+SPARSE, UNREFINED = 'learned, 2 points/s', 'learned, 2 points/s, none added'
+THROUGH_SERVE = {LEARNED: (1, True), SPARSE: (50, True), UNREFINED: (50, False)}
+"""Every so many points of the reference are sent, and whether `serve` adds others."""
+
 FIGURES = {
     'position_nmse_percent': 'position nMSE [%]',
     'feedback_mean_square': 'mean square of the feedback [(N m)^2]',

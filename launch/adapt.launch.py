@@ -1,23 +1,9 @@
 """Follow an arm that changes: ``ros2 launch lip_id_ros adapt.launch.py model_path:=model.npz``."""
 
 from launch import LaunchDescription
-from launch.substitutions import LaunchConfiguration
 
-from lip_id_ros.nodes.launch_arguments import argument, common_arguments, JOINT_STATES, node, start
+from lip_id_ros.nodes.launch_arguments import launch_of
 
 
 def generate_launch_description() -> LaunchDescription:
-    return LaunchDescription(
-        [
-            argument('model_path', None, 'Model of the arm.'),
-            *common_arguments('adapt.yaml', 'adapt'),
-            argument(*JOINT_STATES),
-            *start(
-                node(
-                    'adapt',
-                    topics=[('joint_states', LaunchConfiguration('joint_states'))],
-                    given={'model_path': str},
-                )
-            ),
-        ]
-    )
+    return launch_of('adapt', params_file='adapt.yaml')

@@ -7,26 +7,9 @@ file has a section for each, as config/panda.yaml for the latter two and config/
 """
 
 from launch import LaunchDescription
-from launch.substitutions import LaunchConfiguration
 
-from lip_id_ros.nodes.launch_arguments import (
-    argument,
-    common_arguments,
-    included,
-    JOINT_STATES,
-    node,
-    start,
-)
+from lip_id_ros.nodes.launch_arguments import launch_of
 
 
 def generate_launch_description() -> LaunchDescription:
-    return LaunchDescription(
-        [
-            *common_arguments(None, 'excite, train and serve'),
-            argument(*JOINT_STATES),
-            *start(
-                node('excite', topics=[('joint_states', LaunchConfiguration('joint_states'))]),
-                included=[included('arm.launch.py')],
-            ),
-        ]
-    )
+    return launch_of('excite', 'train', 'serve', autostart='false')

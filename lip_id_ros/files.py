@@ -116,6 +116,12 @@ def sync(path: Path) -> None:
         os.close(descriptor)
 
 
+def state_folder(node: str) -> Path:
+    """Return the folder in which a node, by its full name, keeps what outlives it."""
+    home = os.environ.get('XDG_STATE_HOME') or os.path.expanduser('~/.local/state')
+    return Path(home, 'ros', 'lip_id_ros', node.strip('/'))
+
+
 def require_writable(path: PathLike) -> None:
     """Raise a ConfigError unless a file can be written at a path, with some room on its disk."""
     target = Path(os.path.realpath(path))

@@ -14,7 +14,7 @@ from lip_id_ros.acquisition.settings import train_parameters
 from lip_id_ros.adaptation.live import AdaptSettings
 from lip_id_ros.excitation.settings import RoundSettings
 from lip_id_ros.feedforward.settings import ServeSettings
-from lip_id_ros.monitoring.monitor import MonitorSettings
+from lip_id_ros.monitoring.settings import MonitorSettings
 from lip_id_ros.settings import parameters_of, Row
 from lip_id_ros.settings.settings import AT_ONCE
 

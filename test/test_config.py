@@ -34,8 +34,10 @@ ROOT = Path(__file__).resolve().parents[1]
 class Example(Settings):
     switch: bool = setting(True, 'A switch.')
     count: int = setting(3, 'A count.', minimum=1, maximum=9)
-    rate: float = setting(2.0, 'A rate.', unit='Hz', minimum=0.0)
-    mode: str = setting('fast', 'A mode.', choices=('fast', 'slow'))
+    rate: float = setting(2.0, 'A rate.', unit='Hz', minimum=0.0, old_name='frequency')
+    mode: str = setting(
+        'fast', 'A mode.', choices=('fast', 'slow'), old_values={'off': 'slow', 'False': 'slow'}
+    )
     names: tuple[str, ...] = setting((), 'Names.')
     gains: tuple[float, ...] = setting((), 'Gains.', minimum=0.0)
 
@@ -67,6 +69,21 @@ def test_wrong_value_is_refused_everywhere(name: str, value: object, expected: s
     sentence = re.escape(f'part.{name} in somewhere must be {expected}, not {value!r}.')
     with pytest.raises(ConfigError, match=f'^{sentence}$'):
         build(Example, {name: value}, 'part', 'somewhere')
+
+
+@pytest.mark.parametrize(
+    ('values', 'sentence'),
+    [
+        ({'frequency': 1.0}, r'^part\.frequency in a file is called rate now; rename it\.$'),
+        ({'mode': 'off'}, r"must be a text fast or slow, not 'off'; write slow\.$"),
+        ({'mode': False}, r'must be a text fast or slow, not False; write slow\.$'),
+    ],
+)
+def test_an_old_name_or_word_is_refused_with_the_new_one(
+    values: dict[str, object], sentence: str
+) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        build(Example, values, 'part', 'a file')
 
 
 def test_values_take_the_type_of_their_setting() -> None:

@@ -16,7 +16,8 @@ import pytest
 from lip_id_ros.acquisition.recorder import Recorder
 from lip_id_ros.adaptation.live import AdaptSettings, LiveAdaptation
 from lip_id_ros.feedforward.server import Server
-from lip_id_ros.monitoring.monitor import Monitor, MonitorSettings
+from lip_id_ros.monitoring.monitor import Monitor
+from lip_id_ros.monitoring.settings import MonitorSettings
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'lip_id_ros'
@@ -74,7 +75,7 @@ def of_monitor(factory: pytest.TempPathFactory) -> Mapping[str, Any]:
 def of_adapt(factory: pytest.TempPathFactory) -> Mapping[str, Any]:
     path = factory.mktemp('adapt') / 'arm.npz'
     known_model().save(path)
-    return LiveAdaptation(AdaptSettings(model_path=str(path), state_path=''), 0.0).values()
+    return LiveAdaptation(AdaptSettings(model_path=str(path)), '/adapt', 0.0, 0.0).values()
 
 
 STATUSES: Mapping[str, Callable[[pytest.TempPathFactory], Mapping[str, Any]]] = {

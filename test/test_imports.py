@@ -140,6 +140,7 @@ FOREIGN = {
     'builtin_interfaces': ROS,
     'control_msgs': ROS,
     'diagnostic_msgs': ROS,
+    'geometry_msgs': ROS,
     'lifecycle_msgs': ROS,
     'pal_statistics_msgs': ROS,
     'rcl_interfaces': ROS,
@@ -147,6 +148,7 @@ FOREIGN = {
     'std_msgs': ROS,
     'std_srvs': ROS,
     'trajectory_msgs': ROS,
+    'unique_identifier_msgs': ROS,
 }
 
 MODULES = sorted(SOURCES.rglob('*.py'))

@@ -263,7 +263,7 @@ def test_a_package_that_cannot_be_written_serves(
     fitted: tuple[Path, Path, str], unwritable: dict[str, str], tmp_path: Path
 ) -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2')
-    given = (f'model_path:={fitted[0]}', 'torque_limits:=none')
+    given = (f'model_path:={fitted[0]}', 'autostart:=true', 'torque_limits_from:=none')
     node = (sys.executable, '-P', '-m', f'{PACKAGE}.nodes.serve', '--ros-args')
     with free_domain() as domain:
         process = subprocess.Popen(

@@ -9,8 +9,9 @@ import pytest
 
 from lip_id_ros.acquisition.settings import fit_values, own_values, train_parameters, TrainSettings
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.excitation.settings import ExcitationConfig
 from lip_id_ros.feedforward.settings import require_changeable, ServeSettings
-from lip_id_ros.settings import Config, flatten, override, parameters_of
+from lip_id_ros.settings import Config, flat_rows, flatten, override, parameters_of
 from scripts import parameter_page
 
 PAGE = Path(__file__).resolve().parents[1] / 'docs' / 'reference' / 'parameters.md'
@@ -37,6 +38,15 @@ def test_every_parameter_is_described_and_allows_its_default() -> None:
         for name, row in table.items():
             assert row.description.endswith('.'), name
             assert row.check(row.default, name) == row.default
+
+
+def test_no_word_is_one_that_yaml_turns() -> None:
+    """`range_policy: off` was False to the parser of parameter files."""
+    turned = {'y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false', 'null', '~', ''}
+    tables = [*parameter_page.node_parameters().values(), dict(flat_rows(ExcitationConfig()))]
+    words = {word for table in tables for row in table.values() for word in row.choices}
+    assert len(words) > 30
+    assert not {word for word in words if word.lower() in turned}
 
 
 def test_parameters_of_train_make_its_settings_and_those_of_a_fit() -> None:

@@ -25,6 +25,9 @@ _ARRAYS = ('t', 'position', 'velocity', 'effort')
 SAVING = 'result saved'
 """Stage of a job in which it can no longer be cancelled."""
 
+MOST_RESULTS = 10
+"""Of jobs that have ended, which are found by their numbers."""
+
 
 @dataclass(frozen=True)
 class Task:
@@ -33,9 +36,9 @@ class Task:
 
     `settings`: of a fit by ``section.name``, or the fields of a `MotionRequest`. `bags`:
     recordings and data sets that are used as well. `holdout`: share of the samples that is kept
-    out of a fit. `niceness`: how much it gives way to other processes. `model`: file of the arm
-    whose payload is sought. `payload_model`: where the model with the payload is saved; empty for
-    nowhere. `flange`: its frame, as in `export.payload`.
+    out of a fit. `model`: file of the arm whose payload is sought. `payload_model`: where the
+    model with the payload is saved; empty for nowhere. `flange`: its frame, as in
+    `export.payload`.
     """
 
     kind: str
@@ -43,7 +46,6 @@ class Task:
     path: str
     bags: Sequence[str] = ()
     holdout: float = 0.0
-    niceness: int = 0
     model: str = ''
     payload_model: str = ''
     flange: tuple[float, float] = (0.0, 0.0)
@@ -67,6 +69,12 @@ class JobState:
     result: Mapping[str, Any] = field(default_factory=dict)
     error: str = ''
     number: int = field(default=0, compare=False)
+
+    @property
+    def brief(self) -> dict[str, str]:
+        """How it has ended."""
+        path = self.result.get('path', '')
+        return {'task': self.task, 'state': self.state, 'path': path, 'error': self.error}
 
 
 def in_words(n_samples: int, bags: Sequence[str]) -> str:
@@ -93,8 +101,15 @@ def advanced(state: JobState, line: str) -> JobState:
 
 def pass_on(folder: str | os.PathLike[str], sections: Sequence[JointSamples]) -> None:
     """Write samples for `receive` into an empty folder, with the interpreter free."""
-    for number, samples in enumerate(sections):
-        _write(Path(folder) / f'{number}.npz', samples)
+    try:
+        for number, samples in enumerate(sections):
+            _write(Path(folder) / f'{number}.npz', samples)
+    except OSError as error:
+        raise LipIdError(
+            f'the samples must be written to {folder} for the job, but cannot be '
+            f'({error.strerror or error}); they are still in memory. Free that disk, or start the '
+            'node with TMPDIR set to another.'
+        ) from error
 
 
 def _write(path: Path, samples: JointSamples) -> None:
@@ -122,20 +137,9 @@ def _read(path: Path) -> JointSamples:
     return JointSamples(**fields)
 
 
-def _pass_on(folder: str, sections: Sequence[JointSamples]) -> None:
-    try:
-        pass_on(folder, sections)
-    except OSError as error:
-        raise LipIdError(
-            f'the samples must be written to {folder} for the job, but cannot be '
-            f'({error.strerror or error}); they are still in memory. Free that disk, or start the '
-            'node with TMPDIR set to another.'
-        ) from error
-
-
 class Jobs:
     """
-    Run jobs, one after the other, each in a process of its own.
+    Run jobs, one after the other, each in a process of its own; `ended`: the last, by number.
 
     A process, not a thread: the interpreter stays free for messages, and a crash stays there. It
     gets a session of its own, so that Ctrl-C in a terminal reaches it only through the node.
@@ -147,6 +151,7 @@ class Jobs:
         self._cancelled = False
         self._work: Future[Mapping[str, Any]] | None = None
         self.state = JobState()
+        self.ended: dict[int, JobState] = {}
 
     def start(self, task: Task, sections: Sequence[JointSamples]) -> Future[Mapping[str, Any]]:
         """
@@ -172,17 +177,8 @@ class Jobs:
         self._end()
         wait([self._work], STOP_SECONDS)
         ended = self.state
-        if ended.state == 'running' and self._is_saving():
-            raise LipIdError(
-                f'the {ended.task} saves its result already; ~/status shows when it is done.'
-            )
-        if ended.state == 'done':
-            raise LipIdError(
-                f'the {ended.task} was done before it could be cancelled; its result is in '
-                f'{ended.result["path"]}.'
-            )
-        if ended.state == 'failed':
-            raise LipIdError(f'the {ended.task} had failed: {ended.error}')
+        if ended.state in ('done', 'failed') or self._is_saving():
+            raise LipIdError(f'it is too late to cancel the {ended.task}; ~/status has its end.')
         return ended.task
 
     def stop(self) -> None:
@@ -201,17 +197,21 @@ class Jobs:
     def _run(self, task: Task, sections: Sequence[JointSamples]) -> Mapping[str, Any]:
         try:
             with scratch_folder() as folder:
-                _pass_on(folder, sections)
+                pass_on(folder, sections)
                 outcome = self._follow(task, folder)
         except Exception as error:  # whatever it was, nothing is running any more
-            self.state = replace(self.state, state='failed', error=str(error))
+            self._end_as(replace(self.state, state='failed', error=str(error)))
             raise
-        self.state = outcome
+        self._end_as(outcome)
         if outcome.state == 'cancelled':
             raise LipIdError(f'the {outcome.task} was cancelled.')
         if outcome.state == 'failed':
             raise LipIdError(outcome.error)
         return outcome.result
+
+    def _end_as(self, state: JobState) -> None:
+        latest = [*self.ended.items(), (state.number, state)][-MOST_RESULTS:]
+        self.ended, self.state = dict(latest), state
 
     def _follow(self, task: Task, folder: str) -> JobState:
         """Run `job_process`; return the last state once the process has ended."""

@@ -33,6 +33,9 @@ from lip_id_ros.recording import JointSamples
 from lip_id_ros.settings import AUTO, Config, override
 from lip_id_ros.workflow.fit import find_payload, learn
 
+NICENESS = 5
+"""How much a job gives way to the processes that move the robot."""
+
 SHOWN = ('source', 'samples', 'dropped')
 """What of a source's provenance is worth a look in ~/status."""
 
@@ -45,7 +48,6 @@ def main(requests: TextIO, output: TextIO) -> int:
     `error`.
     """
     request = json.load(requests)
-    os.nice(request['niceness'])
     before = signal.getsignal(signal.SIGTERM)
     try:
         _emit(output, {'result': _work(request, _reporter(output))})
@@ -177,7 +179,7 @@ def training_set(
 
     A section that is too short is left out, unless nothing else is there. Bags must have the
     joints of the live recording where the settings name none. `training_share`: first share that
-    `cutoff_hz: auto` may look at; where there is a live recording, it looks at that alone.
+    `cutoff_hz: -1` may look at; where there is a live recording, it looks at that alone.
     LipIdError if a bag cannot be used, or nothing is left.
     """
     report: dict[str, Any] = {}
@@ -222,4 +224,5 @@ def _with_joints(config: Config, live: Sequence[Dataset]) -> Config:
 
 
 if __name__ == '__main__':
+    os.nice(NICENESS)
     sys.exit(main(sys.stdin, sys.stdout))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -24,14 +25,20 @@ from lip_id_ros.signals.joint_states import NANOSECONDS
 MESSAGE_BYTES, JOINT_BYTES = 128, 32
 """A bound on the size of a message in a bag; the names of its joints come on top."""
 
-MOST_NAMES = 20
-"""So many foreign joints are named, where messages have an endless variety."""
-
 LEAST_GAP_S = 0.0625
 """A shorter step is no gap at any rate: preprocessing bridges it, at its default cut-off."""
 
 DISTURBED_S = 1.0
 """A contact or a blocked joint is noticed within this time."""
+
+LONGEST_WAIT_S = 0.4
+"""Without a sample, a status every half second warns within a second."""
+
+REMEDIES = {
+    Reason.NO_NAMES: 'have the driver name its joints',
+    Reason.MISSING_JOINT: 'have one publisher send all joints, as joint_state_publisher can',
+    Reason.ZERO_STAMP: 'have the driver stamp its joint states',
+}
 
 FORGETTING = 0.05
 """The usual step is the mean of about twenty."""
@@ -41,8 +48,7 @@ class Gaps:
     """Count steps between stamps that are many times as long as the usual ones before."""
 
     def __init__(self) -> None:
-        self.count, self.longest_s = 0, 0.0
-        self._usual_s = 0.0
+        self.count, self.longest_s, self._usual_s = 0, 0.0, 0.0
 
     def add(self, step_ns: int) -> None:
         """Judge the step between two stamps [ns]; one that goes back begins anew."""
@@ -68,7 +74,8 @@ class Recorder(Sections):
 
     def __init__(self, joint_names: Sequence[str], max_rows: int) -> None:
         super().__init__(joint_names, max_rows)
-        self.recording = False
+        self.recording = self._was_recording = False
+        self._waits_since, self._before = 0.0, (0, Counter[str]())
 
     def add(self, message: JointMessage) -> Reason | None:
         """Take one message while recording, or reject and count it."""
@@ -187,7 +194,7 @@ class Recorder(Sections):
             'full': self.is_full,
             'disturbed': len(self._disturbed),
             'joint_names': list(self.joint_names),
-            'other_joints': self._other_joints,
+            'other_joints': self.other_joints,
             'gaps': self.gaps.count,
             'longest_gap_s': round(self.gaps.longest_s, 3),
             'rejected': {str(reason): count for reason, count in self.counts.most_common()},
@@ -206,14 +213,29 @@ class Recorder(Sections):
     def why_empty(self, topic: str) -> str:
         """Return why there is nothing to fit, in a sentence."""
         found = ', '.join([f'no samples of {topic} are kept', *self._complaints()])
-        remedy = 'call record and move the arm, or name recordings with bags'
-        if self._other_joints:
-            remedy = f'choose recording.joints among {", ".join(self._other_joints)}'
-        return f'{found}; {remedy}.'
+        return f'{found}; {self._remedy(self.counts)}.'
 
-    @property
-    def _other_joints(self) -> list[str]:
-        return list(self.other_joints[:MOST_NAMES])
+    def trouble(self, topic: str, now: float) -> str:
+        """Return why no sample has come for a while, with a remedy; empty where some do."""
+        waits = self.recording and self._was_recording and not self.is_full
+        self._was_recording = self.recording
+        if not waits or len(self) != self._before[0]:
+            self._waits_since, self._before = now, (len(self), self.counts)
+        if now - self._waits_since < LONGEST_WAIT_S:
+            return ''
+        new = self.counts - self._before[1]
+        if not new:
+            return f'nothing is recorded: {topic} is silent; start the driver, or remap the topic'
+        reason, remedy = new.most_common(1)[0][0], self._remedy(new)
+        return f'nothing is recorded: {topic} is rejected, mostly for: {reason}; {remedy}'
+
+    def _remedy(self, counts: Counter[str]) -> str:
+        match counts.most_common(1):
+            case [(Reason.FOREIGN_JOINTS, _)]:
+                return f'choose recording.joints among {", ".join(self.other_joints)}'
+            case [(reason, _)]:
+                return REMEDIES.get(Reason(reason), 'correct the driver')
+        return 'call record and move the arm, or name recordings with bags'
 
     def _complaints(self) -> list[str]:
         most = self.counts.most_common(1)

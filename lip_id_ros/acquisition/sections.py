@@ -12,6 +12,9 @@ from lip_id_ros.signals.joint_states import CONFIRMED_BY, LONGEST_STEP_S, NANOSE
 
 LONGEST_STEP_NS = round(LONGEST_STEP_S * NANOSECONDS)
 
+MOST_NAMES = 20
+"""So many foreign joints are named, where messages have an endless variety."""
+
 MOST_SECTIONS = 100
 """When the clock went back more often, it is not followed any more."""
 
@@ -47,11 +50,11 @@ class Sections:
         return self._current.joint_names
 
     @property
-    def other_joints(self) -> tuple[str, ...]:
-        """Joints that messages have and that are not kept."""
+    def other_joints(self) -> list[str]:
+        """Joints that messages have and that are not kept, at most `MOST_NAMES`."""
         sections = (*self._closed, self._current)
         names = dict.fromkeys(name for section in sections for name in section.seen_joints)
-        return tuple(name for name in names if name not in self.joint_names)
+        return [name for name in names if name not in self.joint_names][:MOST_NAMES]
 
     @property
     def counts(self) -> Counter[str]:

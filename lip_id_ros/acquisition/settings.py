@@ -114,13 +114,6 @@ class TrainSettings(Settings):
         minimum=1,
         applies=WHILE_EMPTY,
     )
-    fit_niceness: int = setting(
-        5,
-        'How much a fit gives way to other processes of the machine.',
-        minimum=0,
-        maximum=19,
-        applies=NEXT_JOB,
-    )
     executor: str = executor_setting()
 
 
@@ -178,14 +171,11 @@ def require_writable(name: str, path: str) -> None:
         raise ConfigError(f'{name} must name a file, but is empty.')
     try:
         files.require_writable(path)
-        if name in OUTPUTS:
-            _require_own(Path(path), *OUTPUTS[name])
+        is_own, kind = OUTPUTS.get(name, (lambda _: True, ''))
+        target = Path(path)
+        if target.exists() and target.stat().st_size and not is_own(target):
+            raise ConfigError(f'{target} exists and is not {kind}; name another file.')
         if name == 'dataset_path':
             files.require_suffix(path, DATASET_SUFFIX, 'the data set')
     except ConfigError as error:
         raise ConfigError(f'{name}: {error}') from error
-
-
-def _require_own(target: Path, is_own: Callable[[Path], bool], kind: str) -> None:
-    if target.exists() and target.stat().st_size and not is_own(target):
-        raise ConfigError(f'{target} exists and is not {kind}; name another file.')

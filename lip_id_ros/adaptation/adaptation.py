@@ -19,7 +19,6 @@ from lip_id_ros.adaptation.kalman import (
     STUCK,
 )
 from lip_id_ros.adaptation.payloads import (
-    known_payload,
     LONGEST_S,
     NUMBERS,
     Payload,
@@ -162,7 +161,7 @@ class Adaptation:
 
     def reset(self) -> None:
         """Forget what was learned and all payloads: the arm is as it was commissioned."""
-        carried = self._carried
+        carried = self.carried
         self.arm.carry(np.zeros(BODY))
         self._begin(self.arm.change_variance)
         self.payload = None
@@ -207,7 +206,7 @@ class Adaptation:
         self._found, self._inflations = state['found'].copy(), state['inflations'].copy()
         self.payload = Payload.from_array(found) if found.size else None
         self.pause(max(seconds, 0.0))
-        if self._carried is not None:
+        if self.carried is not None:
             self._tell_payload()
 
     def pause(self, seconds: float) -> None:
@@ -224,34 +223,36 @@ class Adaptation:
         self.arm.walk.go_back(mean, self.covariance, centre[active], seconds)
         self.numbers[active] = mean
 
-    def announce(self, mass: float, centre: Array) -> None:
+    def announce(self, body: Array) -> None:
         """
-        Carry a body of known mass [kg] and centre (3,) [m] in the frame of the last link.
+        Carry a known body, shape (10,), in the frame of the last link that `lip_id export` writes.
 
-        It takes the place of what was found or announced before; without mass there is none. The
-        fit has it too, so that it is trusted at once.
+        It takes the place of what was found or announced before; zeros for none. The fit has it
+        too, so that it is trusted at once.
 
         """
         learned = self.numbers[self._last] - self.arm.start[self._last] - self._found - self._body
-        self.arm.carry(known_payload(mass, centre))
+        self.arm.carry(np.linalg.solve(self.arm.export_frame, body))
         self.numbers[self._last] = self.arm.start[self._last] + learned
         self.numbers = self.arm.possible(self.numbers, self.covariance)
         self._drop()
         self.payload = None
-        at = np.asarray(centre, dtype=np.float64)
-        known = Payload(mass, 0.0, at, np.zeros(3)) if mass else None
-        self.payload_events.append(PayloadEvent(self._t, known))
+        self._tell_payload()
 
     @property
-    def _carried(self) -> Payload | None:
+    def carried_body(self) -> Array:
+        """All that is carried, in the frame of `announce`, shape (10,)."""
+        return np.asarray(self.arm.export_frame @ (self._announced + self._found))
+
+    @property
+    def carried(self) -> Payload | None:
         """The whole payload as it was found, or else the one that was announced."""
-        mass = self.announced_mass
-        if self.payload is not None or not mass:
+        if self.payload is not None or not self.announced_mass:
             return self.payload
-        return Payload(mass, 0.0, self._announced[1:4] / mass, np.zeros(3))
+        return payload_of(self.carried_body, np.zeros((BODY, BODY)))
 
     def _tell_payload(self) -> None:
-        self.payload_events.append(PayloadEvent(self._t, self._carried))
+        self.payload_events.append(PayloadEvent(self._t, self.carried))
 
     @property
     def announced_mass(self) -> float:
@@ -486,13 +487,14 @@ class Adaptation:
         before, size = self._announced + self._found, self._watch.mean_square
         whole = before + self._body
         is_nothing = size(whole) < NOTHING + self._watch.unsure * size(self._body)
-        if self._carried is not None and is_nothing:
+        if self.carried is not None and is_nothing:
             self.arm.carry(np.zeros(BODY))
             self._body, self._found, self.payload = -before, np.zeros(BODY), None
             self._inflations = np.ones_like(self._inflations)
         else:
             self._found = self._found + self._body
-            self.payload = payload_of(whole, self._watch.covariance)
+            frame = self.arm.export_frame
+            self.payload = payload_of(frame @ whole, frame @ self._watch.covariance @ frame.T)
             left = self._watch.left_of_joints
             self._inflations = np.maximum(self._inflations * left, 1.0)
         self._tell_payload()

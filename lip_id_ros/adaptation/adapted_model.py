@@ -14,6 +14,7 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.model import InverseDynamicsModel, Prediction, Query
 from lip_id_ros.model.arm_mean import ChangingArmMean
 from lip_id_ros.rigid_body import LINK_PARAMETERS
+from lip_id_ros.signals.joint_states import NANOSECONDS
 from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.status import in_words, Tally
 from lip_id_ros.signals.torque_steps import LONGEST_STEP_S
@@ -26,13 +27,16 @@ class AdaptedModel:
     """
     The commissioned model, or what the last good update made of it.
 
-    An update is refused, counted by reason, that is not finite, not of this model, not newer, no
-    arm that can exist, or further from the fit than is followed. The commissioned model comes back
-    when updates stop, where one says that it is worse, and when `go_back` is called. Torques are
-    blended, with friction as drives have it; times are on any steady clock [s]. ModelError if the
-    model is no arm.
+    An update is refused, counted by reason, that is not finite, not of this model, not of the node
+    that is followed, not newer or too old, no arm that can exist, or further from the fit than is
+    followed. The commissioned model comes back when updates stop, and when `go_back` is called.
+    Torques are blended, with friction as drives have it; times are on any steady clock [s].
+    ModelError if the model is no arm.
 
     """
+
+    _source: str | None
+    _heard: float | None  # when the last update was stamped, or the wait for one began
 
     def __init__(self, fitted: InverseDynamicsModel, rules: FollowRules) -> None:
         model = fitted.with_rise_time(0.0)
@@ -46,10 +50,9 @@ class AdaptedModel:
         self._potential = self._mean.potential_slopes(model.potential_reference)
         self._before = self._now = self._served = self._arm.start
         self._newest: InverseDynamicsModel | None = model
-        self._share, self._at, self._heard = 1.0, -np.inf, -np.inf
-        self._counter: int | None = None
-        self._why = 'no update yet'
-        self.tally = Tally('followed', 'untrusted', 'worse')
+        self._share, self._at = 1.0, -np.inf
+        self._await_updates()
+        self.tally = Tally('followed', 'untrusted')
         self.n_gone_back = 0
 
     @property
@@ -67,42 +70,48 @@ class AdaptedModel:
     @property
     def numbers(self) -> Array | None:
         """Its numbers, shape (p,); None where it is the commissioned one."""
-        return self._now if self._is_adapted else None
+        return None if np.array_equal(self._now, self._arm.start) else self._now
 
-    @property
-    def _is_adapted(self) -> bool:
-        return not np.array_equal(self._now, self._arm.start)
+    def take(self, message: Any, now: float, clock_ns: int) -> None:
+        """
+        Follow a control_msgs/DynamicInterfaceGroupValues from now on.
 
-    def take(self, text: str, now: float) -> None:
-        """Follow an update from now on; RefusedError if it is not one to follow."""
+        `clock_ns`: the clock that updates are stamped by [ns]. RefusedError if the message is not
+        an update to follow.
+        """
         with self.tally.receiving():
-            update = self._checked(Update.from_text(text))
-            self._counter, self._heard = update.counter, now
-            if update.is_worse:
-                self.tally.used['worse'] += 1
-                self.go_back('an update is worse than the commissioned model')
-                return
+            update = Update.from_message(message)
+            age = (clock_ns - update.stamp_ns) / NANOSECONDS
+            self._check(update, age)
+            self._source, self._stamp_ns = update.source, update.stamp_ns
+            self._heard, self._is_silent = now - max(age, 0.0), False
             self.tally.used['followed' if update.trusted else 'untrusted'] += 1
             self._why = '' if update.trusted else 'what was learned is not trusted now'
             self.use(update.numbers)
 
     def watch(self, now: float) -> None:
-        """Go back where updates have stopped; then any counter begins anew."""
-        if self._counter is not None and now - self._heard > self.rules.timeout_s:
-            self._counter = None
-            self.n_gone_back += 1
+        """Go back where updates have stopped, or none has come; then any node is followed."""
+        if self._heard is None:
+            self._heard = now
+        if not self._is_silent and now - self._heard > self.rules.timeout_s:
+            self.n_gone_back += self._source is not None
+            self._source, self._is_silent = None, True
             self.go_back(f'no update for {self.rules.timeout_s:g} s')
 
     def adjust(self, rules: FollowRules) -> None:
         """Use other rules; where updates are no longer followed, go back."""
-        if self.rules.follows and not rules.follows:
-            self._counter = None
-            self.go_back('not followed')
+        if self.rules.follows != rules.follows:
+            self._await_updates()
+            self.go_back('no update yet' if rules.follows else 'not followed')
         self.rules = rules
+
+    def _await_updates(self) -> None:
+        self._source = self._heard = None
+        self._stamp_ns, self._is_silent, self._why = 0, False, 'no update yet'
 
     def begin_anew(self) -> None:
         """Be the commissioned model at once, as before the first update."""
-        self._counter, self._why = None, 'no update yet'
+        self._await_updates()
         self.use(self._arm.start)
         self._share = 1.0
         self._serve()
@@ -167,28 +176,35 @@ class AdaptedModel:
         refused = self.tally.new_refusals()
         if refused:
             return f'updates refused: {in_words(refused)}'
-        if self.rules.follows and self._counter is None and self.n_gone_back:
-            return f'serves the commissioned model: {self._why}'
+        if self.rules.follows and self._is_silent:
+            return (
+                f'follows the commissioned model: {self._why}; start adapt, or set '
+                'follow_adaptation to false'
+            )
         return ''
 
     def values(self) -> dict[str, Any]:
         """Return the state and the counts, JSON-able."""
         return {
-            'model': 'adapted' if self._is_adapted else 'commissioned',
+            'model': 'commissioned' if self.numbers is None else 'adapted',
             'why': self._why,
-            'counter': self._counter,
+            'source': self._source or '',
             'gone_back': self.n_gone_back,
             'received': self.tally.received,
             **self.tally.used,
             'refused': dict(self.tally.refused),
         }
 
-    def _checked(self, update: Update) -> Update:
+    def _check(self, update: Update, age: float) -> None:
+        numbers, start, arm = update.numbers, self._arm.start, self._arm
         if update.model != self._hash:
             raise RefusedError(Refusal.OTHER_MODEL)
-        if self._counter is not None and update.counter <= self._counter:
-            raise RefusedError(Refusal.OLD_COUNTER)
-        numbers, start, arm = update.numbers, self._arm.start, self._arm
+        if self._source not in (None, update.source):
+            raise RefusedError(Refusal.OTHER_SOURCE)
+        if self._source is not None and update.stamp_ns < self._stamp_ns:
+            raise RefusedError(Refusal.NOT_NEWER_UPDATE)
+        if abs(age) > self.rules.timeout_s:
+            raise RefusedError(Refusal.OLD_UPDATE)
         if numbers.shape != start.shape:
             raise RefusedError(Refusal.NO_UPDATE)
         links = numbers[: arm.friction.start].reshape(-1, LINK_PARAMETERS)
@@ -200,7 +216,6 @@ class AdaptedModel:
             change = np.abs(self._slopes @ (numbers - start)).max(axis=0)
         if not within.all() or not (change <= self.rules.limits).all():
             raise RefusedError(Refusal.BEYOND_TRUST)
-        return update
 
     def _slopes_of_torques(self, model: InverseDynamicsModel) -> Array:
         """Return slopes of torques, in the largest of each joint, by the numbers, (M, n, p)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.settings import setting
@@ -17,9 +17,9 @@ class FollowRules:
     """
     How updates are followed.
 
-    `blend_s`: time from the torques before to those of an update [s]. `timeout_s`: longest silence
-    of updates. `limits`, shape (n,): largest change of a torque, in the largest of the training
-    data. `follows`: whether updates are followed at all.
+    `blend_s`: time from the torques before to those of an update [s]. `timeout_s`: age beyond
+    which none is followed. `limits`, shape (n,): largest change of a torque, in the largest of the
+    training data. `follows`: whether updates are followed at all.
 
     """
 
@@ -27,30 +27,6 @@ class FollowRules:
     timeout_s: float
     limits: Array
     follows: bool = True
-
-
-class FollowSettings(Protocol):
-    """The settings of a node that follows updates."""
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Joints that lists are given for."""
-
-    @property
-    def follow_adaptation(self) -> bool:
-        """See `follow_setting`."""
-
-    @property
-    def blend_s(self) -> float:
-        """See `blend_setting`."""
-
-    @property
-    def adaptation_timeout_s(self) -> float:
-        """See `timeout_setting`."""
-
-    @property
-    def adaptation_limit(self) -> tuple[float, ...]:
-        """See `limit_setting`."""
 
 
 def follow_setting(applies: str, more: str = '') -> Any:
@@ -73,10 +49,10 @@ def blend_setting(applies: str) -> Any:
 
 
 def timeout_setting(applies: str) -> Any:
-    """Declare the longest silence of updates."""
+    """Declare the age beyond which no update is followed."""
     return setting(
         5.0,
-        'Silence of updates after which the commissioned model comes back.',
+        'Age beyond which an update is not followed, and the commissioned model comes back.',
         unit='s',
         minimum=0.1,
         applies=applies,
@@ -94,8 +70,8 @@ def limit_setting(applies: str) -> Any:
     )
 
 
-def follow_rules(settings: FollowSettings, joint_names: Sequence[str]) -> FollowRules:
-    """Bring the settings into the order of a model's joints; ConfigError if they do not fit."""
+def follow_rules(settings: Any, joint_names: Sequence[str]) -> FollowRules:
+    """Bring the settings above into the order of a model's joints; ConfigError if they misfit."""
     limits = by_joint(
         'adaptation_limit', settings.adaptation_limit, settings.joints, joint_names, 1.0
     )

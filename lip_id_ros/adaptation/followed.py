@@ -27,7 +27,9 @@ from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.model.residual_gp import ResidualGPMean
 from lip_id_ros.rigid_body import LINK_PARAMETERS
+from lip_id_ros.rigid_body.denavit_hartenberg import with_standard_frames
 from lip_id_ros.rigid_body.pseudo_inertia import (
+    BODY,
     link_parameter_jacobian,
     LinkScale,
     pseudo_inertia,
@@ -106,6 +108,14 @@ class FollowedArm:
     def last_body(self) -> slice:
         """The ten numbers of the last link, without its rotor."""
         return slice(self._n_links - LINK_PARAMETERS, self._n_links - 1)
+
+    @cached_property
+    def export_frame(self) -> Array:
+        """Numbers of a body in the last frame of `lip_id export`, by those here, (10, 10)."""
+        links = np.zeros((BODY, *self.arm.links.shape))
+        links[:, -1, :BODY] = np.eye(BODY)
+        moved = [with_standard_frames(self.arm.chain, each)[1][-1, :BODY] for each in links]
+        return np.stack(moved, axis=1)
 
     @property
     def friction(self) -> slice:

@@ -10,23 +10,19 @@ import numpy as np
 
 from lip_id_ros.adaptation.adaptation import Adaptation
 from lip_id_ros.adaptation.changes import Change, changes
-from lip_id_ros.adaptation.payloads import Payload, PayloadEvent
-from lip_id_ros.adaptation.saved_state import resume, save
+from lip_id_ros.adaptation.payloads import announced_payload, parts_of, PayloadEvent
+from lip_id_ros.adaptation.saved_state import NOT_KEPT, path_of, resume, save
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.arrays import Array
-from lip_id_ros.errors import ConfigError, SourceError
+from lip_id_ros.errors import ConfigError, DataError, one_line, SourceError
+from lip_id_ros.export.urdf import link_name
 from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.settings import executor_setting, setting, Settings
 from lip_id_ros.settings.settings import AT_START
 from lip_id_ros.signals.filters import LONGEST_GAP_S, LowPass
-from lip_id_ros.signals.joint_states import (
-    continued,
-    JointStateReader,
-    MeasuredState,
-    StampWatch,
-)
+from lip_id_ros.signals.joint_states import continued, JointStateReader, MeasuredState, StampWatch
 from lip_id_ros.signals.joints import Refusal, RefusedError, require_joints, require_unique
 from lip_id_ros.signals.status import in_words, Level, Status, Tally
 
@@ -35,6 +31,8 @@ SILENCE_S = 2.0
 
 OUTCOMES = ('learned', 'held', 'disturbed', 'resting', 'settling', 'stuck')
 """Keys of the status, in the order of the outcomes of the filter."""
+
+SAVE_PERIOD_S = 60.0
 
 MOST = 1e6
 """No position, velocity or torque of an arm is larger."""
@@ -45,10 +43,15 @@ Low-passed sign of the velocity below which a joint has turned just now: its tor
 friction before and after, of which nothing is learned.
 """
 
+TOO_FAR = 'friction has changed by more than is followed; look at the arm.'
+
 SPARSE = f'nothing is learned: joint states are over {LONGEST_GAP_S:g} s apart, or have just begun'
 
-MOST_WAITING = 20_000
-"""Joint states that may wait to be learned from: 20 s at the highest rate."""
+RATE_HZ = 20.0
+"""So many joint states are learned from a second, at most; what is between them is filtered."""
+
+RANGE_MARGIN = 0.2
+"""Of half its training range, by which a joint may go beyond it to be learned from."""
 
 NEARLY = 0.95
 """A sample this share of a period after the one before is taken: stamps jitter."""
@@ -62,14 +65,6 @@ class AdaptSettings(Settings):
     joints: tuple[str, ...] = setting(
         (), 'Joints that the model must have, in any order; empty for any.', applies=AT_START
     )
-    rate_hz: float = setting(
-        20.0,
-        'How many joint states are learned from, at most; what is between them is filtered.',
-        unit='Hz',
-        minimum=1.0,
-        maximum=1000.0,
-        applies=AT_START,
-    )
     cutoff_hz: float = setting(
         10.0,
         'Cut-off of the low-pass on positions, velocities and torques.',
@@ -78,110 +73,86 @@ class AdaptSettings(Settings):
         maximum=1000.0,
         applies=AT_START,
     )
-    range_margin: float = setting(
-        0.2,
-        'Distance that a joint may go beyond its training range to be learned from, as a share of '
-        'half of it.',
-        minimum=0.0,
-    )
     publish_rate_hz: float = setting(
         1.0,
         'How often updates are published.',
         unit='Hz',
         minimum=0.1,
-        maximum=50.0,
+        maximum=10.0,
         applies=AT_START,
     )
     state_path: str = setting(
-        'adaptation.npz',
-        'File in which what was learned is kept; empty for none.',
+        '',
+        'File in which what was learned is kept; empty for adaptation.npz in the state folder of '
+        f'the node, the word {NOT_KEPT} for none.',
         applies=AT_START,
-    )
-    save_period_s: float = setting(
-        60.0, 'How often it is written.', unit='s', minimum=1.0, applies=AT_START
     )
     alarm_change: float = setting(
         0.5,
         'Change of friction that the status warns of, as a share of the friction of the joint.',
         minimum=0.0,
     )
-    payload_mass: float = setting(
-        0.0, 'Mass that announce_payload announces.', unit='kg', minimum=0.0, maximum=1000.0
-    )
-    payload_centre: tuple[float, ...] = setting(
-        (0.0, 0.0, 0.0),
-        'Its centre of mass in the frame of the last link: x, y, z.',
-        unit='m',
-        minimum=-100.0,
-        maximum=100.0,
-    )
     executor: str = executor_setting()
-
-
-def require_centre(settings: AdaptSettings) -> None:
-    """Raise ConfigError for a centre of mass that is none."""
-    if len(settings.payload_centre) != 3:
-        raise ConfigError(
-            'payload_centre must hold three numbers, x, y and z, but holds '
-            f'{len(settings.payload_centre)}; give it in the frame of the last link.'
-        )
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What came of the last joint states: an update, None without any, and events."""
+    """What came of the last joint states; `carried`: all of it, as it is announced."""
 
     update: Update | None
     payloads: tuple[PayloadEvent, ...]
+    carried: tuple[float, Array, Array]
     alarms: tuple[str, ...]
 
 
 class LiveAdaptation:
     """
-    Follow an arm in joint states; LipIdError if the settings do not fit the model.
+    Follow an arm in joint states, from where the file of the last time ends.
 
-    `take` is for one thread; all others that are not properties are for one other.
+    `take` and `announce` are for one thread; all others that are not properties are for one other.
+    `node`: its full name. `now`, `clock`: as for `step`. LipIdError if the settings do not fit the
+    model.
 
     """
 
-    def __init__(self, settings: AdaptSettings, now: float) -> None:
+    def __init__(self, settings: AdaptSettings, node: str, now: float, clock: float) -> None:
         require_unique('joints', settings.joints)
-        require_centre(settings)
         model = InverseDynamicsModel.load(settings.model_path)
         require_joints(model.joint_names, settings.joints, settings.model_path)
         self.settings, self.joint_names = settings, model.joint_names
+        self.payload_frame = link_name(model.joint_names[-1])
         self._adaptation = Adaptation(model)
         self._low, self._high = model.training_range
         self._is_revolute = np.asarray(~is_prismatic(model.joint_types))
         self._q: Array | None = None
         self._reader = JointStateReader(model.joint_names, model.effort_calibration)
         self._stamps, self._low_pass = StampWatch(), LowPass(settings.cutoff_hz)
-        self._tally = Tally('too_soon', 'after_a_gap', 'out_of_range', 'overrun', 'learnable')
+        self._tally = Tally('too_soon', 'after_a_gap', 'out_of_range', 'learnable')
         self._judged = self._tally.used.copy()
         self._outcomes = Counter(dict.fromkeys(OUTCOMES, 0))
         self._waiting: deque[tuple[bool, float, Array]] = deque()
         self._last_t, self._jumps = -np.inf, 0
         self._used_at: float | None = None
         self._learned_at = now
-        self._n_used = self._counter = 0
-        self._saved_at, self._failure, self._note = now, '', ''
+        self._n_used = self._n_updates = 0
+        self._announced: deque[Array] = deque()
+        # what was asked for, even if the arm is silent
+        self._is_to_be_told, self._wrong_payload = False, ''
+        self._node, self._path = node, path_of(settings.state_path, node)
+        self._saved_at, self._failure, self.note = now, '', ''
         self._found: list[Change] = []
-        self._beyond: tuple[str, ...] = ()
-        self._alarmed: set[str] = set()
-        self._warm_up()
-
-    def begin(self, clock: float) -> None:
-        """Go on from the file of the last time, by the clock of the computer [s]."""
-        own = self.settings
-        if not own.state_path:
+        self._is_beyond = False
+        self._alarms: dict[str, str] = {}
+        still = np.zeros((1, model.n_joints))
+        Adaptation(model).update(np.zeros(1), still, still, still, still)  # compiled now
+        if self._path is None:
             return
         try:
-            counter = resume(own.state_path, self._adaptation, clock)
+            resume(self._path, node, self._adaptation, clock)
         except (SourceError, OSError) as error:
-            self._note = str(error)
-            return
-        # those that came after the file was written, at most
-        self._counter = counter + int(own.save_period_s * own.publish_rate_hz) + 2
+            self.note = one_line(error)
+        except ConfigError as error:
+            self.note, self._path = str(error), None
 
     # joint states
 
@@ -207,17 +178,15 @@ class LiveAdaptation:
         filtered = self._low_pass.add(measured.t, signals)
         if filtered is None:
             return 'after_a_gap'
-        if 0.0 <= measured.t - self._last_t < NEARLY / self.settings.rate_hz:
+        if 0.0 <= measured.t - self._last_t < NEARLY / RATE_HZ:
             return 'too_soon'
         (q, dq, torque, sign), (_, ddq, _, _) = filtered
         # in the turn that is reported, as in the data of the fit
         state = np.stack([continued(q, measured.q, self._is_revolute), dq, ddq])
-        margin = 0.5 * self.settings.range_margin * (self._high - self._low)
+        margin = 0.5 * RANGE_MARGIN * (self._high - self._low)
         self._last_t = measured.t
         if (state < self._low - margin).any() or (state > self._high + margin).any():
             return 'out_of_range'
-        if len(self._waiting) == MOST_WAITING:
-            return 'overrun'
         jumped, self._jumps = self._stamps.jumps != self._jumps, self._stamps.jumps
         self._waiting.append((jumped, measured.t, np.array([*state, torque, np.abs(sign)])))
         return 'learnable'
@@ -231,43 +200,53 @@ class LiveAdaptation:
         `now`: on any steady clock [s]. `clock`: that of the computer [s].
 
         """
+        while self._announced:
+            self._adaptation.announce(self._announced.popleft())
+            self._is_to_be_told = True
         used = self._tally.used.total()
         if used > self._n_used or self._used_at is None:
             self._n_used, self._used_at = used, now
         self._learn(now)
-        self._found = changes(self._adaptation)
-        arm = self._adaptation.arm
-        marks = arm.beyond(self._adaptation.numbers)
-        self._beyond = tuple(
-            name for name, mark in zip(self.joint_names, marks, strict=True) if mark
-        )
-        if now - self._saved_at > self.settings.save_period_s:
+        if self._is_to_be_told or now - self._saved_at > SAVE_PERIOD_S:
             self._saved_at = now
             self.save(clock)
-        return Step(self._update(now), self._new_payloads(), self._new_alarms())
+        payloads = tuple(self._adaptation.payload_events)
+        self._adaptation.payload_events.clear()
+        carried = parts_of(self._adaptation.carried_body)
+        return Step(self._update(now), payloads, carried, self._new_alarms())
 
     def save(self, clock: float) -> None:
         """Write what was learned; a failure is in the status."""
-        if not self.settings.state_path:
+        if self._path is None:
             return
         try:
-            save(self.settings.state_path, self._adaptation, self._counter, clock)
+            save(self._path, self._node, self._adaptation, clock)
             self._failure = ''
         except OSError as error:
-            self._failure = f'{self.settings.state_path} cannot be written: {error.strerror}'
+            self._failure = f'{self._path} cannot be written: {error.strerror}'
 
-    def reset(self, clock: float) -> None:
-        """Forget what was learned, also in the file."""
+    def reset(self) -> None:
+        """Forget what was learned, with the next step also in the file."""
         self._adaptation.reset()
-        self.save(clock)
+        self._is_to_be_told = True
 
-    def announce(self, is_there: bool, clock: float) -> str:
-        """Carry the payload of the settings, or none; return what was done."""
-        mass = self.settings.payload_mass if is_there else 0.0
-        centre = np.array(self.settings.payload_centre)
-        self._adaptation.announce(mass, centre)
-        self.save(clock)
-        return self._adaptation.payload_events[-1].sentence()
+    def announce(self, mass: float, centre: Array, inertia: Array, frame: str) -> None:
+        """
+        Carry a payload from the next step on, or none without mass; DataError if it is none.
+
+        As `announced_payload`, in the frame `payload_frame`, which may be left empty.
+        """
+        try:
+            if frame not in ('', self.payload_frame):
+                raise DataError(
+                    f'payloads must be given in {self.payload_frame}, the frame of the last link '
+                    f'that lip_id export writes, but came in {frame}; transform them.'
+                )
+            self._announced.append(announced_payload(mass, centre, inertia))
+        except DataError as error:
+            self._wrong_payload = str(error)
+            raise
+        self._wrong_payload = ''
 
     def _learn(self, now: float) -> None:
         """
@@ -296,61 +275,42 @@ class LiveAdaptation:
         self._outcomes.update(OUTCOMES[k] for k in followed.outcome.tolist())
 
     def _update(self, now: float) -> Update | None:
-        if self._used_at is None or not self._n_used or now - self._used_at > SILENCE_S:
+        is_silent = self._used_at is None or not self._n_used or now - self._used_at > SILENCE_S
+        if is_silent and not self._is_to_be_told:
             return None
-        self._counter += 1
-        own = self._adaptation
-        return Update(
-            own.commissioned.fingerprint,
-            self._counter,
-            own.trusted_numbers.copy(),
-            own.is_trusted,
-            own.errors,
-        )
-
-    def _new_payloads(self) -> tuple[PayloadEvent, ...]:
-        events = self._adaptation.payload_events
-        new = tuple(events)
-        events.clear()
-        return new
+        self._is_to_be_told = False
+        self._n_updates += 1
+        own, numbers = self._adaptation, self._adaptation.trusted_numbers.copy()
+        return Update(own.commissioned.fingerprint, numbers, own.is_trusted)
 
     def _new_alarms(self) -> tuple[str, ...]:
         """Return sentences that were not said before, of joints that are not back meanwhile."""
-        present = {each.joint: each.sentence() for each in self._alarming()}
-        present |= {name: self._too_far(name) for name in self._beyond}
-        new = tuple(text for name, text in present.items() if name not in self._alarmed)
-        self._alarmed = set(present)
-        return new
-
-    def _alarming(self) -> list[Change]:
-        return [each for each in self._found if each.share >= self.settings.alarm_change]
-
-    def _too_far(self, joint: str) -> str:
-        return f'{joint}: friction has changed by more than is followed; look at the arm.'
+        own, before = self._adaptation, self._alarms
+        self._found = changes(own)
+        large = [each for each in self._found if each.share >= self.settings.alarm_change]
+        beyond = [self.joint_names[k] for k in np.flatnonzero(own.arm.beyond(own.numbers))]
+        self._is_beyond = bool(beyond)
+        self._alarms = {each.joint: each.sentence() for each in large}
+        self._alarms |= {name: f'{name}: {TOO_FAR}' for name in beyond}
+        return tuple(text for name, text in self._alarms.items() if name not in before)
 
     # the status
 
     def status(self, now: float) -> Status:
         """Return the state and all counts; `now` as for `step`."""
         silence = 0.0 if self._used_at is None else now - self._used_at
-        refused = self._tally.new_refusals()
+        is_silent = silence > SILENCE_S or not self._n_used
+        refused, are_sparse = self._tally.new_refusals(), self._are_sparse()
         trouble = f'joint states refused: {in_words(refused)}' if refused else 'no joint states'
-        are_sparse = self._are_sparse()
-        level, summary = Level.OK, 'following' if self._is_trusted else 'as commissioned'
-        if self._beyond:
-            level, summary = Level.ERROR, '; '.join(map(self._too_far, self._beyond))
-        elif silence > SILENCE_S or not self._n_used:
-            level, summary = Level.WARN, f'{trouble}: no updates'
-        elif self._failure or self._note:
-            level, summary = Level.WARN, self._failure or self._note
-        elif self._alarming():
-            sentences = ' '.join(each.sentence() for each in self._alarming())
-            level, summary = Level.WARN, sentences
-        elif refused:
-            level, summary = Level.WARN, trouble
-        elif are_sparse:
-            level, summary = Level.WARN, SPARSE
-        return Status(level, summary, self.values())
+        doubts = [
+            *self._alarms.values(),
+            f'{trouble}: no updates' if is_silent else trouble if refused else '',
+            *(self._wrong_payload, self._failure, self.note),
+            SPARSE if are_sparse else '',
+        ]
+        level = Level.ERROR if self._is_beyond else Level.WARN if any(doubts) else Level.OK
+        usual = 'following' if self._adaptation.is_trusted else 'as commissioned'
+        return Status(level, '; '.join(filter(None, doubts)) or usual, self.values())
 
     def _are_sparse(self) -> bool:
         """Whether all joint states since the last call came after a gap."""
@@ -359,21 +319,18 @@ class LiveAdaptation:
         new = used - before
         return new.total() > 1 and new.total() == new['after_a_gap']
 
-    @property
-    def _is_trusted(self) -> bool:
-        return self._adaptation.is_trusted
-
     def values(self) -> dict[str, Any]:
         """Return the state and the counts, JSON-able."""
         learned, fitted = self._adaptation.errors
+        carried = self._adaptation.carried
         used = {key: n for key, n in self._tally.used.items() if key != 'learnable'}
         return {
-            'trusted': self._is_trusted,
-            'counter': self._counter,
+            'trusted': self._adaptation.is_trusted,
+            'updates': self._n_updates,
             'error_adapted': round(learned, 3),
             'error_commissioned': round(fitted, 3),
             'changes': [each.sentence() for each in self._found],
-            'payload': _in_words(self._adaptation.payload),
+            'payload': carried.in_words if carried else 'none',
             'announced_kg': self._adaptation.announced_mass,
             'forgotten': self._adaptation.n_forgotten,
             'received': self._tally.received,
@@ -381,25 +338,5 @@ class LiveAdaptation:
             **used,
             **self._outcomes,
             'refused': dict(self._tally.refused),
-            'note': self._note,
+            'note': self.note,
         }
-
-    def _warm_up(self) -> None:
-        """Compile what is needed later, with an arm of its own."""
-        still = np.zeros((1, len(self.joint_names)))
-        other = Adaptation(self._adaptation.commissioned)
-        other.update(np.zeros(1), still, still, still, still)
-
-
-def _in_words(payload: Payload | None) -> str:
-    return 'none' if payload is None else f'{payload.mass:.3g} kg ± {payload.mass_std:.2g} kg'
-
-
-def payload_values(payload: Payload | None) -> dict[str, float]:
-    """Return mass [kg] and centre of mass [m] by name; those that are unknown are not finite."""
-    if payload is None:
-        return {'mass': 0.0, 'mass_std': 0.0}
-    values = {'mass': payload.mass, 'mass_std': payload.mass_std}
-    for axis, centre, std in zip('xyz', payload.centre, payload.centre_std, strict=True):
-        values |= {f'centre_{axis}': float(centre), f'centre_{axis}_std': float(std)}
-    return values

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.rigid_body.pseudo_inertia import BODY
+from lip_id_ros.errors import DataError
+from lip_id_ros.rigid_body.pseudo_inertia import BODY, pseudo_inertia
 
 NUMBERS = 8
 """Of a payload: mass, centre of mass, and their deviations."""
@@ -37,10 +38,19 @@ LONGEST_S = 2.0
 """Motion after which a disturbance that no payload explains is none [s]."""
 
 
+MOST_MASS, MOST_CENTRE = 1000.0, 10.0
+"""Of a payload that is announced [kg, m]: grams and millimetres are refused."""
+
+ROUNDING = 1e-9
+"""Of inertias, in squares of metres: a point mass has none."""
+
+
 @dataclass(frozen=True, eq=False)
 class Payload:
     """
-    A body at the last link, in its frame; negative numbers where it is lighter than in the fit.
+    A body at the last link, in the frame of it that `lip_id export` writes.
+
+    Negative numbers where it is lighter than in the fit.
 
     `mass`, `mass_std` [kg]; `centre`, `centre_std`, shape (3,) [m]: of mass, no number where the
     mass is less than its deviation.
@@ -60,6 +70,16 @@ class Payload:
     def from_array(cls, numbers: Array) -> Payload:
         """Return what `to_array` made an array of."""
         return cls(float(numbers[0]), float(numbers[1]), numbers[2:5], numbers[5:8])
+
+    @property
+    def in_words(self) -> str:
+        """Mass and centre of mass with their deviations."""
+        mass = f'{self.mass:.3g} ± {self.mass_std:.2g} kg'
+        if np.isnan(self.centre).any():
+            return f'{mass}, its centre of mass unknown'
+        pairs = zip(self.centre, self.centre_std, strict=True)
+        centre = ', '.join(f'{x:.3f} ± {std:.2g}' for x, std in pairs)
+        return f'{mass}, its centre of mass at ({centre}) m in the frame of the last link'
 
 
 @dataclass(frozen=True)
@@ -92,22 +112,50 @@ class PayloadEvent:
     def sentence(self) -> str:
         """Return what happened."""
         payload = 'The payload' if np.isnan(self.t) else f'At {self.t:.1f} s the payload'
-        if self.payload is None:
-            return f'{payload} is gone.'
-        own = self.payload
-        found = f'{payload} is {own.mass:.3g} ± {own.mass_std:.2g} kg'
-        if np.isnan(own.centre).any():
-            return f'{found}, its centre of mass unknown.'
-        pairs = zip(own.centre, own.centre_std, strict=True)
-        centre = ', '.join(f'{x:.3f} ± {std:.2g}' for x, std in pairs)
-        return f'{found}, its centre of mass at ({centre}) m in the frame of the last link.'
+        return f'{payload} is {self.payload.in_words if self.payload else "gone"}.'
 
 
-def known_payload(mass: float, centre: Array) -> Array:
-    """Return the numbers of a point mass [kg] at a centre, shape (3,) [m], shape (10,)."""
+def known_payload(mass: float, centre: Array, inertia: Array | None = None) -> Array:
+    """
+    Return the numbers of a body, shape (10,), by its mass [kg] and centre of mass, (3,) [m].
+
+    `inertia`, shape (6,): xx xy xz yy yz zz about the centre [kg m^2]; without it a point mass.
+    """
     x, y, z = centre
-    inertia = np.array([y * y + z * z, -x * y, -x * z, x * x + z * z, -y * z, x * x + y * y])
-    return mass * np.concatenate([np.ones(1), np.asarray(centre), inertia])
+    of_point = np.array([y * y + z * z, -x * y, -x * z, x * x + z * z, -y * z, x * x + y * y])
+    about_origin = mass * of_point + (0.0 if inertia is None else inertia)
+    return np.concatenate([[mass], mass * np.asarray(centre), about_origin])
+
+
+def parts_of(body: Array) -> tuple[float, Array, Array]:
+    """Return what `known_payload` makes the numbers of a body of."""
+    mass = float(body[0])
+    centre = body[1:4] / mass if mass else np.zeros(3)
+    return mass, centre, body[4:] - known_payload(mass, centre)[4:]
+
+
+def announced_payload(mass: float, centre: Array, inertia: Array) -> Array:
+    """Return the numbers of a body that is announced, as `known_payload`; DataError if none is."""
+    if mass == 0.0:
+        return np.zeros(BODY)
+    if not (0.0 < mass <= MOST_MASS and (np.abs(centre) <= MOST_CENTRE).all()):
+        raise DataError(
+            f'a payload must have a mass of up to {MOST_MASS:g} kg, and a centre of mass within '
+            f'{MOST_CENTRE:g} m of the last link, but has {mass:g} kg at {_vector(centre)} m; '
+            'correct the message and its units.'
+        )
+    about_centre = pseudo_inertia(known_payload(mass, np.zeros(3), inertia))
+    shares = np.linalg.eigvalsh(about_centre) / mass if np.isfinite(about_centre).all() else np.inf
+    if np.min(shares) < -ROUNDING or np.max(shares) > MOST_CENTRE**2:
+        raise DataError(
+            'a payload must have an inertia about its centre of mass that a body can have, or '
+            f'none at all, but has {_vector(inertia)} kg m^2; correct the message.'
+        )
+    return known_payload(mass, centre, inertia)
+
+
+def _vector(values: Array) -> str:
+    return f'({", ".join(f"{value:g}" for value in values)})'
 
 
 class PayloadWatch:

@@ -9,68 +9,71 @@ from pathlib import Path
 import numpy as np
 
 from lip_id_ros.adaptation.adaptation import Adaptation
-from lip_id_ros.arrays import Array
-from lip_id_ros.errors import SourceError
-from lip_id_ros.files import read_npz, write_npz
+from lip_id_ros.errors import ConfigError, SourceError
+from lip_id_ros.files import read_npz, state_folder, write_npz
 
-SCHEMA, VERSION = 'lip_id_ros/adaptation', 1
+SCHEMA, VERSION = 'lip_id_ros/adaptation', 2
+
+NOT_KEPT = 'none'
+"""The word that stands for no file."""
 
 
-def save(path: str, adaptation: Adaptation, counter: int, now: float) -> None:
+def path_of(given: str, node: str) -> Path | None:
+    """Return the file of a node by its full name, None where nothing is kept."""
+    if given == NOT_KEPT:
+        return None
+    return Path(given) if given else state_folder(node) / 'adaptation.npz'
+
+
+def save(path: Path, node: str, adaptation: Adaptation, now: float) -> None:
     """
     Write what was learned, whole or not at all; OSError if that fails.
 
-    `counter`: of the last update. `now`: time by the clock of the computer [s].
+    `now`: time by the clock of the computer [s].
 
     """
     header = {
         'schema': SCHEMA,
         'version': VERSION,
+        'node': node,
         'model': adaptation.commissioned.fingerprint,
-        'counter': counter,
         'saved_at': now,
     }
+    path.parent.mkdir(parents=True, exist_ok=True)
     write_npz(path, adaptation.state(), header)
 
 
-def resume(path: str, adaptation: Adaptation, now: float) -> int:
+def resume(path: Path, node: str, adaptation: Adaptation, now: float) -> None:
     """
-    Go on from a file; return the counter of the last update, 0 where there is no file.
+    Go on from a file, if there is one.
 
-    A file that cannot be used is put aside: SourceError says why, and where it lies.
+    A file that cannot be used is put aside: SourceError says why, and where it lies. ConfigError
+    if it is of another node, which goes on with it.
 
     """
-    if not os.path.exists(path):
-        return 0
+    if not path.exists():
+        return
     try:
         arrays, header = read_npz(path)
-        _check(header, adaptation.commissioned.fingerprint)
-        counter, seconds = int(header['counter']), now - float(header['saved_at'])
-        adaptation.resume(_numbers(arrays), seconds)
+        _check(path, header, node, adaptation.commissioned.fingerprint)
+        state = {name: np.asarray(each, dtype=np.float64) for name, each in arrays.items()}
+        adaptation.resume(state, now - float(header['saved_at']))
     except (ValueError, TypeError, KeyError, OverflowError) as error:
-        kept = _put_aside(Path(path))
+        kept = path.with_name(f'{path.name}.old')
+        os.replace(path, kept)
         raise SourceError(
             f'{path} must be what adapt has saved of this model, but has {error}; it is kept as '
             f'{kept}, and what was learned begins anew.'
         ) from error
-    return counter
 
 
-def _numbers(arrays: Mapping[str, Array]) -> dict[str, Array]:
-    return {name: np.asarray(each, dtype=np.float64) for name, each in arrays.items()}
-
-
-def _check(header: Mapping[str, object], model: str) -> None:
+def _check(path: Path, header: Mapping[str, object], node: str, model: str) -> None:
     if header.get('schema') != SCHEMA or header.get('version') != VERSION:
         raise ValueError('another format')
-    if header.get('model') != model:
+    if header['node'] != node:
+        raise ConfigError(
+            f'state_path must be a file of {node} alone, but {path} is of {header["node"]}, whose '
+            'payloads are not carried here; nothing is kept until another one is given.'
+        )
+    if header['model'] != model:
         raise ValueError('the state of another model')
-
-
-def _put_aside(path: Path) -> Path:
-    """Give a file a name that no other has."""
-    number = 1
-    while (kept := path.with_name(f'{path.name}.{number}')).exists():
-        number += 1
-    os.replace(path, kept)
-    return kept

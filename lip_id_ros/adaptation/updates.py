@@ -1,19 +1,19 @@
-"""Updates of a commissioned model: what `adapt` publishes, as one line of JSON."""
+"""Updates of a commissioned model: what `adapt` publishes of an arm as it is now."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-import json
+from typing import Any
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
+from lip_id_ros.signals.joint_states import NANOSECONDS
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
-SCHEMA = 'lip_id_ros/update'
-
-MOST_BYTES = 100_000
-"""Longer than an update of any arm."""
+TRUSTED = 'trusted'
+"""Name of the first value of a message; the numbers follow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,59 +21,36 @@ class Update:
     """
     An arm as it is now.
 
-    `model`: hash of the commissioned model. `counter`: higher than that of the update before.
-    `numbers`, shape (11 n + K,): parameters of the links, then coefficients of friction; those of
-    the fit, with a known payload, where what was learned is not `trusted`. `errors`: recent mean
-    squares of measured torques about those expected and those of the fit, in their variances.
+    `model`: hash of the commissioned model. `numbers`, shape (11 n + K,): parameters of the links,
+    then coefficients of friction; those of the fit, with a known payload, where what was learned
+    is not `trusted`. `source`: full name of the node. `stamp_ns`: when it was published, by that
+    node's clock [ns].
 
     """
 
     model: str
-    counter: int
     numbers: Array
     trusted: bool
-    errors: tuple[float, float]
+    source: str = ''
+    stamp_ns: int = 0
 
     @property
-    def is_worse(self) -> bool:
-        """Whether what was learned is not better than the fit, by the update itself."""
-        learned, fitted = self.errors
-        return self.trusted and not learned <= fitted
-
-    def to_text(self) -> str:
-        """Return one line of JSON; numbers read back exactly."""
-        return json.dumps(
-            {
-                'schema': SCHEMA,
-                'model': self.model,
-                'counter': self.counter,
-                'trusted': self.trusted,
-                'errors': list(self.errors),
-                'numbers': self.numbers.tolist(),
-            }
-        )
+    def interface(self) -> tuple[Sequence[str], Array]:
+        """Names and values, as a control_msgs/InterfaceValue has them."""
+        names = [TRUSTED, *(f'number_{k}' for k in range(self.numbers.size))]
+        return names, np.append(float(self.trusted), self.numbers)
 
     @classmethod
-    def from_text(cls, text: str) -> Update:
-        """Read an update; RefusedError if it is none, or its numbers are not finite."""
-        if len(text) > MOST_BYTES:
+    def from_message(cls, message: Any) -> Update:
+        """Read a control_msgs/DynamicInterfaceGroupValues; RefusedError if it is no update."""
+        groups, interfaces = message.interface_groups, message.interface_values
+        if len(groups) != 1 or len(interfaces) != 1:
             raise RefusedError(Refusal.NO_UPDATE)
-        try:
-            found = json.loads(text)
-            numbers = np.array(found['numbers'], dtype=np.float64)
-            errors = float(found['errors'][0]), float(found['errors'][1])
-            counter, trusted = found['counter'], found['trusted']
-            is_update = (
-                found['schema'] == SCHEMA
-                and numbers.ndim == 1
-                and type(counter) is int
-                and type(trusted) is bool
-            )
-            update = cls(str(found['model']), counter, numbers, trusted, errors)
-        except (ValueError, TypeError, KeyError, IndexError, OverflowError, RecursionError):
-            raise RefusedError(Refusal.NO_UPDATE) from None
-        if not is_update:
+        names, values = interfaces[0].interface_names, np.array(interfaces[0].values)
+        if list(names[:1]) != [TRUSTED] or len(names) != values.size:
             raise RefusedError(Refusal.NO_UPDATE)
-        if not np.isfinite(numbers).all() or not np.isfinite(errors).all():
+        if not np.isfinite(values).all():
             raise RefusedError(Refusal.NOT_FINITE_UPDATE)
-        return update
+        source, stamp = message.header.frame_id, message.header.stamp
+        stamp_ns = NANOSECONDS * stamp.sec + stamp.nanosec
+        return cls(groups[0], values[1:], bool(values[0]), source, stamp_ns)

@@ -107,6 +107,7 @@ def _limits(args: argparse.Namespace, joint_names: Sequence[str]) -> tuple[float
     from lip_id_ros.errors import ConfigError
     from lip_id_ros.feedforward.settings import make_rules, ServeSettings
     from lip_id_ros.settings.sections import parameters_in_file
+    from lip_id_ros.signals.torque_steps import LimitsFrom
 
     if args.limits is not None:
         given: tuple[float, ...] = args.limits
@@ -114,17 +115,13 @@ def _limits(args: argparse.Namespace, joint_names: Sequence[str]) -> tuple[float
     if args.urdf is not None:
         return effort_limits(Path(args.urdf).read_text(), args.urdf, joint_names)
     found = parameters_in_file(args.params, '/serve')
-    joints, limits = found.get('joints', ()), found.get('torque_limits', ())
-    if not limits or isinstance(limits, str):
+    names = ('joints', 'torque_limits', 'torque_limits_from')
+    settings = ServeSettings(**{name: found[name] for name in names if name in found})
+    if not settings.torque_limits or settings.torque_limits_from != LimitsFrom.PARAMETERS:
         raise ConfigError(
             f'torque_limits in {args.params} must be numbers here; give --limits or --urdf.'
         )
-    settings = ServeSettings(joints=_tuple(joints), torque_limits=_tuple(limits))
     return tuple(make_rules(settings, joint_names).limits.tolist())
-
-
-def _tuple(value: Any) -> tuple[Any, ...]:
-    return tuple(value) if isinstance(value, list | tuple) else (value,)
 
 
 def _table(title: str, joint_types: Sequence[str], check: PlanCheck) -> Table:

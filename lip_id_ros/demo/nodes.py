@@ -55,8 +55,8 @@ class RobotNode(NodeBase):
     Stamps advance by one sample per message, so that the motion is the same at any speed.
     """
 
-    def __init__(self) -> None:
-        super().__init__('simulated_panda', parameters_of(RobotSettings))
+    def __init__(self, **options: Any) -> None:
+        super().__init__('simulated_panda', parameters_of(RobotSettings), **options)
         self._start_ns = self.get_clock().now().nanoseconds
         self._n_published = 0
         self._begin()

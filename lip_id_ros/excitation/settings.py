@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from lip_id_ros.settings import executor_setting, setting, Settings
 from lip_id_ros.settings.settings import AT_START, PER_JOINT
-from lip_id_ros.signals.torque_steps import UNLIMITED
+from lip_id_ros.signals.torque_steps import LimitsFrom
 
 BASE, NONE = 'base', 'none'
 AS_MOTION = 'motion'
@@ -243,12 +243,18 @@ class RoundSettings(Settings):
         minimum=0.0,
         applies=AT_START,
     )
-    effort_limits: tuple[float, ...] | str = setting(
+    effort_limits: tuple[float, ...] = setting(
         (),
-        'Largest efforts of the joint states, in their own unit, before the motion is stopped; '
-        f'must be given: the word none for no limits. {PER_JOINT}',
+        'Largest efforts of the joint states, in their own unit, before the motion is stopped. '
+        f'{PER_JOINT}',
         minimum=0.0,
-        choices=(UNLIMITED,),
+        applies=AT_START,
+        old_values={'none': 'effort_limits_from: none'},
+    )
+    effort_limits_from: str = setting(
+        'parameters',
+        'Whether effort_limits are given, or there are none.',
+        choices=(LimitsFrom.PARAMETERS, LimitsFrom.NONE),
         applies=AT_START,
     )
     stale_timeout_s: float = setting(

@@ -10,6 +10,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.errors import DataError, missing_joints
+from lip_id_ros.signals.joints import increasing_times, PlannedPoint, Refusal, RefusedError
 
 MOST_SAMPLES = 50_000
 """A plan is to be sampled a few times a second: steps are longer where it takes over 250 s."""
@@ -100,6 +101,17 @@ class Plan:
         columns = [self.joint_names.index(name) for name in joint_names]
         return Plan(tuple(joint_names), self.t, self.states[:, :, columns])
 
+    def begun_at(self, position: Array, early_s: float) -> Plan:
+        """Return the plan with points at time 0, at rest at a position (n,), and at `early_s`."""
+        here = np.full((3, 1, len(position)), np.nan)
+        here[0], here[1] = position, 0.0
+        states = np.concatenate([here, self.states], axis=1)
+        whole = Plan(self.joint_names, np.append(0.0, self.t), states)
+        early = _evaluated(whole._coefficients()[:, :1], np.array([early_s]))
+        early[2 - np.isnan(self.states[1, 0]).any() :] = np.nan
+        states = np.concatenate([here, early, self.states], axis=1)
+        return Plan(self.joint_names, np.concatenate([[0.0, early_s], self.t]), states)
+
     def motion(self, step_s: float) -> Motion:
         """
         Sample what is executed, at steps of `step_s` or less, with both ends of every segment.
@@ -108,8 +120,12 @@ class Plan:
         segment would have fewer than `LEAST_STEPS`.
 
         """
+        return self.motion_of_segments(step_s)[0]
+
+    def motion_of_segments(self, step_s: float) -> tuple[Motion, IndexArray]:
+        """Return `motion`, and at which of its times each segment begins, shape (N - 1,)."""
         if len(self.t) == 1:
-            return Motion(self.t, np.nan_to_num(self.states))
+            return Motion(self.t, np.nan_to_num(self.states)), np.zeros(0, dtype=np.intp)
         seconds = np.diff(self.t)
         step_s = max(step_s, (self.t[-1] - self.t[0]) / MOST_SAMPLES)
         steps = np.maximum(LEAST_STEPS, np.ceil(seconds / step_s)).astype(np.intp)
@@ -118,7 +134,7 @@ class Plan:
         share = (np.arange(len(segment)) - first[segment]) / steps[segment]
         within = np.minimum(share, BEFORE_END) * seconds[segment]
         states = _evaluated(self._coefficients()[:, segment], within)
-        return Motion(self.t[segment] + within, states)
+        return Motion(self.t[segment] + within, states), first
 
     def _coefficients(self) -> Array:
         """
@@ -140,6 +156,54 @@ class Plan:
         no_acceleration = np.isnan(a0 + a1).any(axis=-1, keepdims=True)
         curved = np.where(no_acceleration, cubic, quintic)
         return np.asarray(np.where(no_velocity, linear, curved))
+
+
+def plan_of_points(names: Sequence[str], points: Sequence[PlannedPoint]) -> Plan:
+    """
+    Return the plan of a message of named joints.
+
+    RefusedError if no joint is named, or one twice, there is no point, times do not increase, an
+    array is short, long or not finite, or a point lacks positions, or velocities beside
+    accelerations.
+    """
+    if not names:
+        raise RefusedError(Refusal.MISSING_JOINT)
+    if len(set(names)) != len(names):
+        raise RefusedError(Refusal.REPEATED_NAME)
+    if not points:
+        raise RefusedError(Refusal.NO_POINTS)
+    states = np.full((3, len(points), len(names)), np.nan)
+    for row, point in enumerate(points):
+        given = [point.positions, point.velocities, point.accelerations]
+        while len(given) > 1 and not len(given[-1]):
+            given.pop()
+        for kind, values in enumerate(given):
+            if len(values) != len(names):
+                raise RefusedError(Refusal.WRONG_PLAN)
+            states[kind, row] = values
+        if not np.isfinite(states[: len(given), row]).all():
+            raise RefusedError(Refusal.NOT_FINITE)
+    return Plan(tuple(names), increasing_times(points), states)
+
+
+def completed(plan: Plan, joint_names: Sequence[str], here: Array | None) -> Plan:
+    """
+    Return a plan of all these joints in their order: those that it leaves out hold still.
+
+    `here`, shape (2, n): where the joints are, and their velocities. RefusedError if a joint is
+    left out of whom that is not known.
+    """
+    left_out = [row for row, name in enumerate(joint_names) if name not in plan.joint_names]
+    if left_out and here is None:
+        raise RefusedError(Refusal.MISSING_JOINT)
+    states = np.full((3, len(plan.t), len(joint_names)), np.nan)
+    for row, name in enumerate(joint_names):
+        if row not in left_out:
+            states[:, :, row] = plan.states[:, :, plan.joint_names.index(name)]
+    if here is not None:
+        states[0][:, left_out] = here[0, left_out]
+        states[1:, :, left_out] = np.where(np.isnan(plan.states[1:, :, :1]), np.nan, 0.0)
+    return Plan(tuple(joint_names), plan.t, states)
 
 
 def _cubic(way: Array, v0: Array, v1: Array, seconds: Array) -> tuple[Array, Array]:

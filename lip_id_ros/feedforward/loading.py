@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-import os
-import shutil
 
 import numpy as np
 
@@ -13,7 +11,6 @@ from lip_id_ros.adaptation.adapted_model import AdaptedModel
 from lip_id_ros.adaptation.follow_settings import follow_rules
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError, LipIdError, ModelError
-from lip_id_ros.feedforward.deviations import Deviations
 from lip_id_ros.feedforward.settings import make_rules, require_consistent, ServeSettings
 from lip_id_ros.files import require_regular_file
 from lip_id_ros.friction.dahl_friction import RunningMemory
@@ -23,58 +20,6 @@ from lip_id_ros.model.proof import missing_proof
 from lip_id_ros.model.serialization import contradictions
 from lip_id_ros.signals.joints import require_joints
 
-MOST_BYTES = 2**30
-
-
-class ModelFile:
-    """
-    A copy of a model file in memory, for this process and those beside it.
-
-    They load it at different times, and a fit may replace the file at any time: without a copy,
-    torques could be of one model and their standard deviations or plans of another. `place`: path
-    of the copy in every process that inherits the `descriptor`. SourceError if it is not a regular
-    file, ModelError if it is larger than any model.
-    """
-
-    def __init__(self, path: str) -> None:
-        require_regular_file(path)
-        if os.path.getsize(path) > MOST_BYTES:
-            raise ModelError(
-                f'{path} must be a model, but has more than {MOST_BYTES} bytes; name the file '
-                'that a fit wrote.'
-            )
-        self.path = path
-        self.descriptor = os.memfd_create('model')
-        self.place = f'/dev/fd/{self.descriptor}'
-        try:
-            with open(path, 'rb') as source, open(self.descriptor, 'wb', closefd=False) as copy:
-                shutil.copyfileobj(source, copy)
-        except Exception as error:
-            self.close()
-            raise self._named(error) from error
-
-    def load(self) -> InverseDynamicsModel:
-        """Return the model; a ModelError names the file that was copied."""
-        try:
-            return InverseDynamicsModel.load(self.place)
-        except Exception as error:
-            raise self._named(error) from error
-
-    def _named(self, error: Exception) -> Exception:
-        """Return an error that names the file, whatever it is: a reload keeps the old model."""
-        if isinstance(error, OSError):
-            return OSError(error.errno, error.strerror, self.path)
-        if isinstance(error, LipIdError):
-            return ModelError(str(error).replace(self.place, self.path))
-        return ModelError(
-            f'{self.path} must be a model that can be loaded here, but {type(error).__name__} '
-            f'came ({error}); free memory, or fit again.'
-        )
-
-    def close(self) -> None:
-        """Forget the copy."""
-        os.close(self.descriptor)
-
 
 @dataclass(frozen=True, eq=False)
 class LoadedModel:
@@ -83,15 +28,12 @@ class LoadedModel:
 
     `model` has friction as drives have it; `rise_time` is that of the model that was fitted [s].
     `calibration`: of the effort that it was fitted to. `known_states`: that it was fitted to.
-    `deviations`: where they are asked for. `memory`: of friction. `adapted`: what updates make of
-    the model, where they are followed.
+    `memory`: of friction. `adapted`: what updates make of the model, where they are followed.
     """
 
     model: DynamicsModel
     calibration: EffortCalibration
     known_states: KnownStates | None = None
-    file: ModelFile | None = None
-    deviations: Deviations | None = None
     memory: RunningMemory | None = None
     adapted: AdaptedModel | None = None
     rise_time: float = 0.0
@@ -121,13 +63,6 @@ class LoadedModel:
         """Joints from base to tip."""
         return self.model.joint_names
 
-    def stop(self) -> None:
-        """End the processes that belong to the model."""
-        if self.deviations is not None:
-            self.deviations.stop()
-        if self.file is not None:
-            self.file.close()
-
 
 def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
     """
@@ -136,36 +71,40 @@ def load_model(settings: ServeSettings, joints: Sequence[str]) -> LoadedModel:
     `joints`: that it must have, in any order; empty for any. LipIdError if it is not a model, its
     joints are not those expected, or it is not proven.
     """
-    file = ModelFile(settings.model_path)
-    try:
-        fitted = file.load()
-        require_joints(fitted.joint_names, joints, settings.model_path)
-        if not settings.accept_unproven:
-            require_proof(fitted, settings.model_path)
-        model = fitted.with_rise_time(0.0)
-        rest = np.zeros((1, model.n_joints))
-        model.query(rest[0], rest[0], rest[0])
-        model.predict(rest, rest, rest)
-        adapted = None
-        if settings.follow_adaptation:
-            adapted = AdaptedModel(fitted, follow_rules(settings, model.joint_names))
-        deviations = None
-        if settings.needs_deviations:
-            deviations = Deviations(file.place, model.n_joints, [file.descriptor])
-    except BaseException:
-        file.close()
-        raise
-    memory = model.running_memory()
+    require_regular_file(settings.model_path)
+    fitted = _loaded(settings.model_path)
+    require_joints(fitted.joint_names, joints, settings.model_path)
+    if not settings.accept_unproven:
+        require_proof(fitted, settings.model_path)
+    model = fitted.with_rise_time(0.0)
+    rest = np.zeros((1, model.n_joints))
+    model.query(rest[0], rest[0], rest[0])
+    model.predict(rest, rest, rest)
+    if settings.publish_std:
+        model.standard_deviation(rest, rest, rest)
+    adapted = None
+    if settings.follow_adaptation:
+        adapted = AdaptedModel(fitted, follow_rules(settings, model.joint_names))
     return LoadedModel(
         model,
         model.effort_calibration,
         model.known_states,
-        file,
-        deviations,
-        memory,
+        model.running_memory(),
         adapted,
         fitted.rise_time,
     )
+
+
+def _loaded(path: str) -> InverseDynamicsModel:
+    try:
+        return InverseDynamicsModel.load(path)
+    except (LipIdError, OSError):
+        raise
+    except Exception as error:  # whatever it is: a reload keeps the old model
+        raise ModelError(
+            f'{path} must be a model that can be loaded here, but {type(error).__name__} came '
+            f'({error}); free memory, or fit again.'
+        ) from error
 
 
 def require_proof(model: InverseDynamicsModel, path: str) -> None:
@@ -190,7 +129,6 @@ def load_successor(settings: ServeSettings, before: LoadedModel) -> LoadedModel:
     found = loaded.joint_names
     if found == expected:
         return loaded
-    loaded.stop()
     raise ModelError(
         f'{settings.model_path} must have its joints in the order {", ".join(expected)}, but has '
         f'{", ".join(found)}; clean the node up and configure it anew to change the order.'
@@ -210,19 +148,9 @@ def load_models(settings: ServeSettings, before: LoadedModel | None) -> dict[str
         models = {'': load_model(settings, settings.joints)}
     else:
         models = {'': load_successor(settings, before)}
-    try:
-        for path in dict.fromkeys(settings.payload_models):
-            models[path] = load_successor(replace(settings, model_path=path), models[''])
-    except BaseException:
-        stop(models)
-        raise
+    for path in dict.fromkeys(settings.payload_models):
+        models[path] = load_successor(replace(settings, model_path=path), models[''])
     return models
-
-
-def stop(models: Mapping[str, LoadedModel]) -> None:
-    """End the processes that belong to models."""
-    for loaded in models.values():
-        loaded.stop()
 
 
 def require_payload(settings: ServeSettings, known: Collection[str]) -> None:

@@ -7,8 +7,8 @@ A new count of torques is a name in `COUNTED` here or in `shaping`, beside the l
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,19 +16,18 @@ import numpy as np
 from lip_id_ros.adaptation.adapted_model import AdaptedModel
 from lip_id_ros.arrays import Array
 from lip_id_ros.feedforward import shaping
-from lip_id_ros.feedforward.deviations import Deviated, LONGEST_VALID_S
-from lip_id_ros.feedforward.interpolation import Plan
+from lip_id_ros.feedforward.interpolation import completed, Plan, plan_of_points
 from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.feedforward.measured import MeasuredArm
 from lip_id_ros.feedforward.plan_check import fits, fitting_scale
-from lip_id_ros.feedforward.settings import make_rules, Overload, Policy, SafeValue, ServeSettings
+from lip_id_ros.feedforward.refinement import Filled, filled
+from lip_id_ros.feedforward.settings import make_rules, Overload, SafeValue, ServeSettings
 from lip_id_ros.feedforward.shaping import Shaper, TrainingRange
 from lip_id_ros.feedforward.status import ServeCounts
 from lip_id_ros.model import Prediction, Query
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joint_states import MeasuredState
 from lip_id_ros.signals.joints import (
-    increasing_times,
     JointOrder,
     PlannedPoint,
     Point,
@@ -38,11 +37,27 @@ from lip_id_ros.signals.joints import (
 from lip_id_ros.signals.status import in_words, Level
 from lip_id_ros.signals.torque_steps import Sent
 
-COUNTED = (*shaping.COUNTED, 'stale', 'slowed', 'late_plans')
+COUNTED = (*shaping.COUNTED, 'stale', 'slowed', 'late_plans', 'added_points', 'sparse_plans')
 """
 Keys of ~/status: what `shaping` counts, streams that fell silent, plans that were slowed down or
-came out late.
+came out late, points that were added to plans, plans that lack such points.
 """
+
+LARGEST_SPEED = 10.0
+"""Controllers scale the time of a plan by less."""
+
+LEAST_SPEED = 1e-3
+"""A plan that is slower stands still."""
+
+LEAST_BEGIN_S, EARLY_S, REST_SPEED = 0.2, 0.05, 0.02
+"""
+A plan whose first point is reached later than the first [s] gets points on the way there from an
+arm at rest [rad/s or m/s]. The first of them is reached at the second [s]: sooner, or where the
+arm moves, that way would be a jerk by what is not known of its position.
+"""
+
+LEAST_SHARE = 0.01
+"""Of the largest torque of a joint in a plan: interpolated efforts are not asked to be better."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +66,14 @@ class ServedTorque:
     Answer to one sample of a stream, in the model's order.
 
     `tau`, shape (n,): the torque that may leave [N m or N]. `query`: torque and energies as the
-    model has them. `state`, shape (3, n).
+    model has them. `state`, shape (3, n). `std`, shape (n,): standard deviations of the torque
+    [N m or N], where they are due.
     """
 
     tau: Array
     query: Query
     state: Array
+    std: Array | None = None
 
 
 class ServedArm:
@@ -72,7 +89,8 @@ class ServedArm:
         self.shaper = Shaper(make_rules(settings, self.joint_names), trained, sent, counts)
         self._counts = counts
         self._order = JointOrder(self.joint_names)
-        self._std_period_s = 1.0 / settings.std_rate_hz
+        self._settings = settings
+        self._std_at = -np.inf
 
     def adjust(self, settings: ServeSettings) -> None:
         """Use other settings; what the robot holds stays, and ramps go on."""
@@ -81,62 +99,88 @@ class ServedArm:
         if self.loaded.adapted is not None:
             self.loaded.adapted.adjust(rules.follow)
         self.measured.adjust(settings.residual_cutoff_hz)
-        self._std_period_s = 1.0 / settings.std_rate_hz
+        self._settings = settings
 
     def sample(
-        self, names: Sequence[str], points: Sequence[Point], now: float, tag: Any
+        self, names: Sequence[str], points: Sequence[Point], now: float, speed: float
     ) -> ServedTorque:
         """Answer one sample of a stream; joints that the model does not know are left out."""
-        state = self._order.states(names, points)[:, 0]
+        state = self._order.states(names, points)[:, 0] * speed ** np.arange(3.0)[:, None]
         query = self.loaded.query(state, now)
-        std = self._std(state, now, tag)
-        return ServedTorque(
-            self.shaper.sample(self._with_gravity(query), now, state, std), query, state
-        )
+        std = self._new_deviation(state, now)
+        if self.shaper.rules.friction:
+            wanted = self._with_gravity(query)
+        else:
+            wanted = self._torques(*state[:, np.newaxis])[0]
+        tau = self.shaper.sample(wanted, now, state)
+        return ServedTorque(tau, query, state, std)
 
-    def plan(self, names: Sequence[str], points: Sequence[PlannedPoint]) -> Array:
-        """Answer a plan, which must move the model's joints and no others, in its own order."""
+    def plan(
+        self,
+        names: Sequence[str],
+        points: Sequence[PlannedPoint],
+        here: Array | None,
+        speed: float,
+    ) -> Filled:
+        """
+        Answer a plan, which must move joints of the model and no others, in its own order.
+
+        `here`, shape (2, n): position and velocity of the arm where they are known.
+        """
         if len(points) > self.shaper.rules.max_plan_points:
             raise RefusedError(Refusal.TOO_LONG)
-        columns = self._order.columns(names)
-        if len(columns) != len(names):
+        if not set(names) <= set(self.joint_names):
             raise RefusedError(Refusal.FOREIGN_JOINT)
-        states = self._order.states(names, points)
-        t = increasing_times(points)
-        tau = self._with_gravity(self.loaded.newest.predict(states[0], states[1], states[2], t))
-        ordered = np.empty_like(tau)
-        ordered[:, columns] = self.shaper.plan(tau, t, states)
-        return ordered
+        plan = completed(plan_of_points(names, points), self.joint_names, here)
+        plan = plan.slowed(self._time_scale(plan))
+        begins_here = plan.t[0] > LEAST_BEGIN_S and here is not None and _is_at_rest(here)
+        if begins_here and here is not None:
+            plan = plan.begun_at(here[0], EARLY_S)
 
-    def time_scale(self, names: Sequence[str], points: Sequence[PlannedPoint]) -> float:
+        def torques(q: Array, dq: Array, ddq: Array, t: Array) -> Array:
+            return self._torques(q, speed * dq, speed**2 * ddq, t / max(speed, LEAST_SPEED))
+
+        adds, noise = self._settings.refine_plans, self.loaded.model.noise_std
+        found = filled(plan, torques, noise, LEAST_SHARE, adds=adds)
+        if begins_here:
+            found = found.without_first()
+        shaped = self.shaper.plan(found.tau, found.plan.t, found.states)
+        self._counts['added_points'] += found.added
+        self._counts['sparse_plans'] += not adds and found.misses
+        order = [*names, *(each for each in self.joint_names if each not in names)]
+        return replace(found, tau=shaped).in_order(order)
+
+    def _time_scale(self, plan: Plan) -> float:
         """
         Return the factor on the times of a plan with which its torques are within limits.
 
-        1 where overload_policy is to cut them; RefusedError as for `plan`, and where the policy
-        refuses the plan, or no factor helps.
-
+        1 where overload_policy is to cut them; RefusedError where it refuses the plan, or no
+        factor helps.
         """
         overload, limits = self.shaper.rules.overload, self.shaper.rules.limits
         if overload is Overload.CUT:
             return 1.0
-        if len(points) > self.shaper.rules.max_plan_points:
-            raise RefusedError(Refusal.TOO_LONG)
-        states, t = self._order.states(names, points), increasing_times(points)
-        plan = Plan(self.joint_names, t, states)
         scale: float | None
         if overload is Overload.SLOW:
-            scale = fitting_scale(self._torques, plan, limits)
+            scale = fitting_scale(self._scaled, plan, limits)
         else:
-            scale = 1.0 if fits(self._torques, plan, limits) else None
+            scale = 1.0 if fits(self._scaled, plan, limits) else None
         if scale is None:
             raise RefusedError(Refusal.OVERLOAD)
         self._counts['slowed'] += scale > 1.0
         return scale
 
-    def _torques(self, q: Array, dq: Array, ddq: Array, t: Array) -> Array:
-        return self.shaper.rules.scale * self._with_gravity(
-            self.loaded.newest.predict(q, dq, ddq, t)
-        )
+    def _scaled(self, q: Array, dq: Array, ddq: Array, t: Array) -> Array:
+        return self.shaper.rules.scale * self._torques(q, dq, ddq, t)
+
+    def _torques(self, q: Array, dq: Array, ddq: Array, t: Array | None = None) -> Array:
+        found = self.loaded.newest.predict(q, dq, ddq, t)
+        if self.shaper.rules.friction:
+            return self._with_gravity(found)
+        rigid = found.inertial + found.coriolis
+        if self.shaper.rules.gravity:
+            rigid = rigid + found.gravity
+        return self.loaded.model.efforts(rigid)
 
     def safe_torque(self, position: Array | None, now: float) -> Array:
         """Return the torque of an arm without references, last seen here, shape (n,)."""
@@ -164,15 +208,18 @@ class ServedArm:
             return predicted.tau
         return predicted.tau - self.loaded.model.efforts(predicted.gravity)
 
-    def _std(self, state: Array, now: float, tag: Any) -> Array | None:
-        """Ask for standard deviations; return the newest, shape (n,), where they are checked."""
-        deviations = self.loaded.deviations
-        if deviations is None:
+    def _new_deviation(self, state: Array, now: float) -> Array | None:
+        """Return standard deviations (n,), at most `std_rate_hz` times a second."""
+        due = now - self._std_at >= 1.0 / self._settings.std_rate_hz
+        if not due or not self._settings.publish_std:
             return None
-        deviations.offer(state, tag, now, self._std_period_s)
-        if self.shaper.rules.std_policy is Policy.OFF:
-            return None
-        return deviations.std(now, self._std_period_s)
+        self._std_at = now
+        std: Array = self.loaded.model.standard_deviation(*state[:, np.newaxis]).tau[0]
+        return std
+
+
+def _is_at_rest(here: Array) -> bool:
+    return bool(np.abs(here[1]).max() < REST_SPEED)
 
 
 class Server:
@@ -215,9 +262,6 @@ class Server:
         Its joints are those served before, in their order, if there were any; ConfigError where
         the settings do not fit them.
         """
-        before = self._arm.loaded.deviations if self._arm else None
-        if before is not None and loaded.deviations is not None:
-            loaded.deviations.follow(before)
         if loaded.adapted is not None:
             loaded.adapted.begin_anew()  # what it followed when it was last served may be long ago
         sent = self._arm.shaper.sent if self._arm else Sent(np.zeros(len(loaded.joint_names)))
@@ -249,17 +293,17 @@ class Server:
     def rest(self, now: float) -> None:
         """Note that zero torque was published: the next reference is ramped in from there."""
         self._fed_at = -np.inf
-        self._stale = False
+        self._stale = self._ended = False
         if self._arm is not None:
             self._arm.shaper.rest(now)
 
     def _forget_stream(self) -> None:
         self._fed_at = -np.inf  # no reference is expected before the first
-        self._stale = False
+        self._stale = self._ended = False
         self._state: Array | None = None
         self._measured: MeasuredState | None = None
         self._measured_at = -np.inf
-        self._source = (False, False)
+        self._was_measured = False
 
     # messages
 
@@ -268,38 +312,68 @@ class Server:
         names: Sequence[str],
         points: Sequence[Point],
         now: float,
-        tag: Any = None,
         age: float = 0.0,
+        speed: float = 1.0,
     ) -> ServedTorque:
         """
         Answer a message of one point, sent `age` seconds ago.
 
-        `tag` comes back with its standard deviations, if they are computed.
+        `speed`: of its time by that of its controller, which scales velocities by it and
+        accelerations by its square.
         """
         try:
             arm = self.ready_arm()
-            if age > arm.shaper.rules.stale_timeout_s:
-                raise RefusedError(Refusal.OLD)
+            self._require_new(age)
+            if not 0.0 <= speed <= LARGEST_SPEED:
+                raise RefusedError(Refusal.WRONG_SPEED)
             with np.errstate(all='ignore'):
-                served = arm.sample(names, points, now, tag)
+                served = arm.sample(names, points, now, speed)
         except Exception as error:
             self.counts.references.refuse_for(error)
             raise
-        self._fed_at, self._state, self._stale = now, served.state, False
+        self._fed_at, self._state, self._stale, self._ended = now, served.state, False, False
         self.counts.references.used['samples'] += 1
         return served
 
-    def plan(self, names: Sequence[str], points: Sequence[PlannedPoint]) -> Array:
-        """Answer a message of many points: (N, n) torques [N m or N] in the message's order."""
+    def plan(
+        self,
+        names: Sequence[str],
+        points: Sequence[PlannedPoint],
+        now: float,
+        age: float = 0.0,
+        speed: float = 1.0,
+    ) -> Filled:
+        """Answer a message of many points, sent `age` seconds ago, in its order of joints."""
         with self.counts.references.refusing(), np.errstate(all='ignore'):
-            tau = self.ready_arm().plan(names, points)
+            arm = self.ready_arm()
+            self._require_new(age)
+            found = arm.plan(names, points, self._here(now), speed)
         self.counts.references.used['plans'] += 1
-        return tau
+        return found
 
-    def time_scale(self, names: Sequence[str], points: Sequence[PlannedPoint]) -> float:
-        """Return the factor on the times of a plan with which `plan` is to answer it."""
-        with self.counts.references.refusing(), np.errstate(all='ignore'):
-            return self.ready_arm().time_scale(names, points)
+    def end_stream(self) -> None:
+        """Expect no further reference: a safe torque is due at once."""
+        with self.counts.references.refusing():
+            self.ready_arm()
+        self._ended = bool(np.isfinite(self._fed_at))
+        self.counts.references.used['plans'] += 1
+
+    def _require_new(self, age: float) -> None:
+        if age > self._longest_silence_s:
+            raise RefusedError(Refusal.OLD)
+
+    @property
+    def _longest_silence_s(self) -> float:
+        return self.arm.shaper.rules.stale_timeout_s
+
+    def _here(self, now: float) -> Array | None:
+        """Return position and velocity (2, n) of the arm, where they are known now."""
+        found, at = None, -np.inf
+        if self._measured is not None:
+            found, at = np.stack([self._measured.q, self._measured.dq]), self._measured_at
+        if self._state is not None and self._fed_at > at:
+            found, at = self._state[:2], self._fed_at
+        return found if now - at <= self._longest_silence_s else None
 
     def ready_arm(self) -> ServedArm:
         """Return the arm; RefusedError where there is none, or the node is disabled."""
@@ -308,11 +382,11 @@ class Server:
             raise RefusedError(Refusal.DISABLED)
         return arm
 
-    def take_update(self, text: str, now: float) -> None:
+    def take_update(self, message: Any, now: float, clock_ns: int) -> None:
         """Follow an update of the model; RefusedError, counted, where it is not to be followed."""
         adapted = self._adapted
         if adapted is not None and adapted.rules.follows:
-            adapted.take(text, now)
+            adapted.take(message, now, clock_ns)
 
     def watch_updates(self, now: float) -> None:
         """Go back to the commissioned model where updates have stopped."""
@@ -322,11 +396,6 @@ class Server:
     @property
     def _adapted(self) -> AdaptedModel | None:
         return self._arm.loaded.adapted if self._arm else None
-
-    def planned_beside(self, counts: Mapping[str, int]) -> None:
-        """Count a plan that another process answered, and what it found doubtful or cut."""
-        self.counts.references.used['plans'] += 1
-        self.counts.torques.update(counts)
 
     def measure(self, message: JointMessage, now: float) -> MeasuredState | None:
         """Read a joint state; None, counted by reason, if it cannot be used."""
@@ -345,27 +414,22 @@ class Server:
         arm = self._arm
         if arm is None or not self.enabled:
             return None
-        timeout_s = arm.shaper.rules.stale_timeout_s
-        if self.silence(now) <= timeout_s:
+        if not self._ended and self.silence(now) <= self._longest_silence_s:
             return None
         self.counts.torques['stale'] += not self._stale
-        measured, fresh = self._measured, now - self._measured_at <= timeout_s
-        source = (measured is not None, fresh)  # of the position: a step where it changes
-        if self._stale and source != self._source:
+        fresh = self._is_measured(now)  # gravity of a place left long ago may be the opposite
+        if self._stale and fresh != self._was_measured:
             arm.shaper.begin()
-        self._stale, self._source = True, source
+        self._stale, self._was_measured = True, fresh
         with np.errstate(all='ignore'):
-            seen = None if self._state is None else self._state[0]
-            return arm.safe_torque(measured.q if measured else seen, now)
+            return arm.safe_torque(self._measured.q if fresh and self._measured else None, now)
+
+    def _is_measured(self, now: float) -> bool:
+        return now - self._measured_at <= self._longest_silence_s
 
     def silence(self, now: float) -> float:
         """Return the time since the last answered reference [s], 0 while none is expected."""
         return now - self._fed_at if np.isfinite(self._fed_at) else 0.0
-
-    def take_deviation(self) -> Deviated | None:
-        """Return standard deviations that were not taken yet."""
-        deviations = self._arm.loaded.deviations if self._arm else None
-        return deviations.take() if deviations else None
 
     # status
 
@@ -378,6 +442,13 @@ class Server:
             'adaptation': self._adapted.values() if self._adapted else {},
             **self.counts.values(),
         }
+
+    def _lacks_position(self, now: float) -> bool:
+        """Whether gravity could not be held now although it is asked for."""
+        rules = self.arm.shaper.rules
+        wanted = self.enabled and rules.gravity and rules.safe_value is SafeValue.GRAVITY
+        expected = np.isfinite(self._fed_at)
+        return bool(wanted and expected and not self._is_measured(now))
 
     def _novelty(self) -> float | None:
         """Return that of the last sample, computed when it is asked for."""
@@ -392,18 +463,15 @@ class Server:
         arm = self._arm
         if arm is None:
             return (Level.ERROR, failure) if failure else (Level.OK, 'inactive')
-        deviations = arm.loaded.deviations
-        if deviations is not None and not deviations.alive:
-            return Level.ERROR, 'the process of the standard deviations has ended'
         if new[Refusal.NOT_FINITE_TORQUE]:
             return Level.ERROR, f'messages with trouble: {alarms}'
         if self._stale:
             held = arm.shaper.sent.in_words
             return Level.WARN, f'no reference for {self.silence(now):.1f} s: {held} published'
-        if deviations is not None and (waited := deviations.waited(now)) > LONGEST_VALID_S:
+        if self._lacks_position(now):
             return Level.WARN, (
-                f'no standard deviations for {waited:.1f} s: their process stands still; '
-                'reload_model starts another'
+                'no joint states: where references stop, zero torque is published in place of '
+                'gravity; start the driver, or set stale_policy to zero'
             )
         if new:
             return Level.WARN, f'messages with trouble: {alarms}'

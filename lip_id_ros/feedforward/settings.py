@@ -23,17 +23,16 @@ from lip_id_ros.settings.settings import AT_ONCE, AT_START, ON_CONFIGURE, ON_LOA
 from lip_id_ros.signals.joints import by_joint, require_unique
 from lip_id_ros.signals.torque_steps import (
     DEFAULT_RATE,
-    DESCRIBED,
     limits_in_numbers,
+    LimitsFrom,
     require_limits,
-    UNLIMITED,
 )
 
 
 class Policy(StrEnum):
     """What is done with a reference that a check finds doubtful."""
 
-    OFF = 'off'
+    IGNORE = 'ignore'
     WARN = 'warn'
     SCALE = 'scale'
     ZERO = 'zero'
@@ -87,14 +86,21 @@ class ServeSettings(Settings):
         'empty to take any model and its order.',
         applies=ON_CONFIGURE,
     )
-    torque_limits: tuple[float, ...] | str = setting(
+    torque_limits: tuple[float, ...] = setting(
         (),
-        'Largest torque or force; without it the node does not activate. The word none is for no '
-        'limits, robot_description for those of the URDF, read when the node is activated. '
-        f'{PER_JOINT}',
+        f'Largest torque or force; without it the node does not activate. {PER_JOINT}',
         unit='N m or N',
         minimum=0.0,
-        choices=(UNLIMITED, DESCRIBED),
+        old_values={
+            'none': 'torque_limits_from: none',
+            'robot_description': 'torque_limits_from: robot_description',
+        },
+    )
+    torque_limits_from: str = setting(
+        'parameters',
+        'Where limits of torques come from: torque_limits, the URDF, which is read when the node '
+        'is activated, or none for a simulation without limits.',
+        choices=tuple(LimitsFrom),
     )
     robot_description: str = description_setting()
     rate_limits: tuple[float, ...] = setting(
@@ -118,6 +124,9 @@ class ServeSettings(Settings):
         maximum=60.0,
     )
     gravity: bool = setting(True, 'Torques include gravity; false where the robot adds its own.')
+    friction: bool = setting(
+        True, 'Torques include friction; false where the drives compensate their own.'
+    )
     stale_timeout_s: float = setting(
         0.5,
         'Longest silence of a stream before a safe torque is published; 0 for any.',
@@ -140,11 +149,15 @@ class ServeSettings(Settings):
     )
     max_plan_points: int = setting(
         10_000,
-        'Longest plan that is answered; longer ones are refused. Plans of more than about a '
-        'hundred points, and all where overload_policy is not cut, are computed in a process '
-        'beside the stream.',
+        'Longest plan that is answered; longer ones are refused. A thousand points take about 10 '
+        'ms, in which no stream is answered.',
         minimum=1,
-        maximum=100_000,
+        maximum=10_000,
+    )
+    refine_plans: bool = setting(
+        True,
+        'Add points to plans, on the way that the controller takes between theirs, where it would '
+        'interpolate efforts badly. Without them the status warns of plans that are too sparse.',
     )
     overload_policy: str = setting(
         'cut',
@@ -158,6 +171,7 @@ class ServeSettings(Settings):
         'For references outside the training range: count and warn, scale torques down until '
         'they are zero at twice the range, or make them zero.',
         choices=tuple(Policy),
+        old_values={'off': 'ignore', 'False': 'ignore'},  # as YAML reads off
     )
     range_margin: tuple[float, ...] = setting(
         (0.2,),
@@ -165,23 +179,9 @@ class ServeSettings(Settings):
         f'{PER_JOINT}',
         minimum=0.0,
     )
-    std_policy: str = setting(
-        'off',
-        'For streams with a torque whose standard deviation is above its limit: count and warn, '
-        'scale torques down until they are zero at twice the limit, or make them zero.',
-        applies=ON_CONFIGURE,
-        choices=tuple(Policy),
-    )
-    std_limits: tuple[float, ...] = setting(
-        (),
-        f'Largest standard deviation of a torque, for std_policy. {PER_JOINT}',
-        unit='N m or N',
-        minimum=0.0,
-    )
     std_rate_hz: float = setting(
         5.0,
-        'How often standard deviations are computed, at most; each takes milliseconds of a '
-        'process of its own.',
+        'How often standard deviations are computed, at most.',
         unit='Hz',
         minimum=0.1,
         maximum=1000.0,
@@ -242,13 +242,12 @@ class ServeSettings(Settings):
     blend_s: float = blend_setting(AT_ONCE)
     adaptation_timeout_s: float = timeout_setting(AT_ONCE)
     adaptation_limit: tuple[float, ...] = limit_setting(AT_ONCE)
-    autostart: bool = setting(True, 'Configure and activate at the start.', applies=AT_START)
+    autostart: bool = setting(
+        False,
+        'Configure and activate at the start, without a launch file that does.',
+        applies=AT_START,
+    )
     executor: str = executor_setting()
-
-    @property
-    def needs_deviations(self) -> bool:
-        """Whether standard deviations are computed at all."""
-        return self.publish_std or self.std_policy != 'off'
 
 
 def require_changeable(before: ServeSettings, after: ServeSettings, state: str) -> None:
@@ -271,10 +270,9 @@ class Rules:
     `limits`, `rates`, shape (n,): largest magnitude and change, infinite where there is none.
     `ramp_s`: time to blend from the torque sent before to the one asked for [s]. `safe_ramp_s`: to
     the safe torque once references have stopped. `stale_timeout_s`: longest silence of a stream,
-    infinite for any, and `safe_value`: what follows it. `range_policy`, `std_policy`: what is done
-    outside the training range widened by `margins`, shape (n,), as a share of half of it, and
-    beyond `std_limits`. `overload`: what is done with a plan that would exceed the limits.
-    `follow`: how updates are followed.
+    infinite for any, and `safe_value`: what follows it. `range_policy`: what is done outside the
+    training range widened by `margins`, shape (n,), as a share of half of it. `overload`: what is
+    done with a plan that would exceed the limits. `follow`: how updates are followed.
     """
 
     limits: Array
@@ -283,14 +281,13 @@ class Rules:
     ramp_s: float
     safe_ramp_s: float
     gravity: bool
+    friction: bool
     stale_timeout_s: float
     safe_value: SafeValue
     max_plan_points: int
     overload: Overload
     range_policy: Policy
     margins: Array
-    std_policy: Policy
-    std_limits: Array
     follow: FollowRules
 
     def same_torque(self, other: Rules) -> bool:
@@ -298,10 +295,9 @@ class Rules:
         return (
             self.scale == other.scale
             and self.gravity == other.gravity
+            and self.friction == other.friction
             and self.range_policy == other.range_policy
-            and self.std_policy == other.std_policy
             and np.array_equal(self.margins, other.margins)
-            and np.array_equal(self.std_limits, other.std_limits)
         )
 
 
@@ -310,10 +306,10 @@ def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
     require_consistent(settings)
 
     def per_joint(name: str, default: float) -> Array:
-        values = limits_in_numbers(getattr(settings, name))
-        return by_joint(name, values, settings.joints, joint_names, default)
+        return by_joint(name, getattr(settings, name), settings.joints, joint_names, default)
 
-    limits = per_joint('torque_limits', np.inf)
+    in_force = limits_in_numbers(settings.torque_limits, settings.torque_limits_from)
+    limits = by_joint('torque_limits', in_force, settings.joints, joint_names, np.inf)
     with np.errstate(over='ignore'):  # limits beyond all numbers leave rates without a bound
         rates = DEFAULT_RATE * limits
     if settings.rate_limits:
@@ -325,14 +321,13 @@ def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
         ramp_s=settings.ramp_s,
         safe_ramp_s=settings.safe_ramp_s,
         gravity=settings.gravity,
+        friction=settings.friction,
         stale_timeout_s=settings.stale_timeout_s or np.inf,
         safe_value=SafeValue(settings.stale_policy),
         max_plan_points=settings.max_plan_points,
         overload=Overload(settings.overload_policy),
         range_policy=Policy(settings.range_policy),
         margins=per_joint('range_margin', 0.0),
-        std_policy=Policy(settings.std_policy),
-        std_limits=per_joint('std_limits', np.inf),
         follow=follow_rules(settings, joint_names),
     )
 
@@ -345,16 +340,11 @@ def require_consistent(settings: ServeSettings) -> None:
             'payload_models must name a file each, but one is empty; the empty name is that of '
             'model_path.'
         )
-    if settings.std_policy != Policy.OFF and not settings.std_limits:
-        raise ConfigError(
-            'std_limits must hold a largest standard deviation where std_policy is '
-            f'{settings.std_policy}, but it is empty; give one per joint or one for all.'
-        )
 
 
 def require_bounded(settings: ServeSettings, before: Rules, joint_names: Sequence[str]) -> None:
     """Raise ConfigError for settings that take a limit away from a node that is active."""
-    require_limits(settings.torque_limits)
+    require_limits('torque_limits', settings.torque_limits, settings.torque_limits_from)
     after = make_rules(settings, joint_names)
     for name, old, new in (
         ('torque_limits', before.limits, after.limits),
@@ -369,7 +359,7 @@ def require_bounded(settings: ServeSettings, before: Rules, joint_names: Sequenc
 
 def unbounded(settings: ServeSettings) -> str | None:
     """Return the warning that is due where nothing bounds the size or the step of a torque."""
-    if settings.torque_limits and settings.torque_limits != UNLIMITED:
+    if limits_in_numbers(settings.torque_limits, settings.torque_limits_from):
         return None
     steps = '' if settings.rate_limits else ', and neither are their steps'
     return f'torques are not limited{steps}'

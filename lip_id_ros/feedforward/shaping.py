@@ -11,7 +11,7 @@ from lip_id_ros.feedforward.settings import Policy, Rules
 from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.torque_steps import between, Ramp, Sent, toward
 
-COUNTED = ('limited', 'rate_limited', 'out_of_range', 'uncertain')
+COUNTED = ('limited', 'rate_limited', 'out_of_range')
 """Keys of ~/status: torques that were cut, and doubtful references."""
 
 SMALLEST = 1e-12
@@ -40,11 +40,6 @@ class TrainingRange:
         shape = (3, *[1] * (states.ndim - 2), -1)
         distance = np.abs(states - self._centre.reshape(shape)) / self._edge.reshape(shape)
         return np.asarray(distance.max(axis=(0, -1)))
-
-
-def std_excess(std: Array, limits: Array) -> Array:
-    """Return the standard deviation of the worst joint by its limit, 1 at the limit."""
-    return np.asarray((std / np.maximum(limits, SMALLEST)).max(axis=-1))
 
 
 def factors(policy: Policy, excess: Array, counts: Counter[str], key: str) -> Array:
@@ -91,18 +86,14 @@ class Shaper:
             self.begin()
         self.rules, self._known = rules, self._trained.widened(rules.margins)
 
-    def sample(self, tau: Array, now: float, state: Array, std: Array | None) -> Array:
+    def sample(self, tau: Array, now: float, state: Array) -> Array:
         """
         Shape one torque (n,) of a stream; the first after safe torques begins a ramp.
 
-        `state`, shape (3, n): its q, dq, ddq; `std`, shape (n,): its deviation where that is
-        checked. The result is finite, within the limits, no further from the one before than the
-        rates allow. RefusedError if a torque is not finite.
+        `state`, shape (3, n): its q, dq, ddq. The result is finite, within the limits, no further
+        from the one before than the rates allow. RefusedError if a torque is not finite.
         """
-        factor = self._range_factors(state)
-        if std is not None:
-            factor = factor * self._std_factor(std)
-        return self._shape(factor * tau, now, is_safe=False)
+        return self._shape(self._range_factors(state) * tau, now, is_safe=False)
 
     def safe(self, tau: Array, now: float) -> Array:
         """Shape the safe torque of shape (n,) [N m or N]; the first begins a ramp."""
@@ -136,13 +127,9 @@ class Shaper:
 
     def _range_factors(self, states: Array) -> Array:
         policy = self.rules.range_policy
-        if policy is Policy.OFF:
+        if policy is Policy.IGNORE:
             return np.ones(states.shape[1:-1])
         return factors(policy, self._known.excess(states), self._counts, 'out_of_range')
-
-    def _std_factor(self, std: Array) -> Array:
-        excess = std_excess(std, self.rules.std_limits)
-        return factors(self.rules.std_policy, excess, self._counts, 'uncertain')
 
     def _scaled(self, tau: Array) -> tuple[Array, BoolArray]:
         scaled = self.rules.scale * tau

@@ -8,7 +8,7 @@ from typing import Any
 
 from lip_id_ros.signals.status import Tally
 
-ALARMING = ('out_of_range', 'uncertain', 'late_plans')
+ALARMING = ('out_of_range', 'late_plans', 'sparse_plans')
 """Counts of torques and plans that deserve a warning."""
 
 

@@ -47,7 +47,7 @@ class Recordings:
     """
     Sources of a fit, of which the first samples are learned from and the others judge it.
 
-    `config`: with selected preprocessing in the place of `auto`, once `training` has been called.
+    `config`: with what is selected for `cutoff_hz: -1`, once `training` has been called.
     `surveys`: of all recordings that can be read, by number of the source. `reasons`: status and
     reason of those that are not in the fit, likewise. `entries`: how preprocessing was selected,
     for the provenance of the model.
@@ -239,7 +239,7 @@ def is_automatic(config: Config) -> bool:
 
 
 def usual(config: Config) -> Config:
-    """Return the settings with the usual cut-off in the place of `auto`."""
+    """Return the settings with the usual cut-off for `cutoff_hz: -1`."""
     if not is_automatic(config):
         return config
     cutoff = PreprocessingSettings().cutoff_hz
@@ -255,8 +255,8 @@ def selected(
     """
     Select preprocessing by the first shares of some recordings, whose joints have this order.
 
-    Returns settings with numbers in the place of `auto`, and entries for the provenance of
-    recordings; raises what `load_dataset` raises with `auto`.
+    Returns settings with numbers for `cutoff_hz: -1`, and entries for the provenance of
+    recordings; raises what `load_dataset` raises with it.
     """
     given = config.recording, config.preprocessing
     key = digest('preprocessing', *given, [(each.fingerprint, share) for each, share in some])

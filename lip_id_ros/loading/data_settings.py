@@ -70,7 +70,7 @@ def select_preprocessing(
     _refuse_mixed(settings, recording)
     if len({samples.joint_names for samples in recordings}) > 1:
         raise ConfigError(
-            'preprocessing.cutoff_hz: auto needs recordings with one order of joints, but theirs '
+            'preprocessing.cutoff_hz: -1 needs recordings with one order of joints, but theirs '
             'differ; name the joints from base to tip in recording.joints.'
         )
     usual = replace(settings, cutoff_hz=PreprocessingSettings().cutoff_hz, max_samples=0)
@@ -152,7 +152,7 @@ def _refuse_mixed(settings: PreprocessingSettings, recording: RecordingSettings)
         given.append('recording.effort_delay_s')
     if given:
         raise ConfigError(
-            f'preprocessing.cutoff_hz: auto selects {" and ".join(given)} too, but a value is '
+            f'preprocessing.cutoff_hz: -1 selects {" and ".join(given)} too, but a value is '
             'given; leave it out, or give the cut-off as a number.'
         )
 
@@ -210,7 +210,7 @@ def selected_config(
     """
     Select the preprocessing of recordings by the first share of them.
 
-    Returns settings with numbers in the place of `auto`, and an entry for sources' provenance.
+    Returns settings with numbers for `cutoff_hz: -1`, and an entry for sources' provenance.
 
     LipIdError: see `lip_id_ros.loading.data_settings.select_preprocessing`.
     """
@@ -236,7 +236,7 @@ def settings_of(provenance: Mapping[str, Any]) -> Config:
 
 def with_selected(config: Config, provenance: Mapping[str, Any]) -> Config:
     """
-    Put the settings selected for training data, or a model, in the place of `cutoff_hz: auto`.
+    Put the settings selected for training data, or a model, in the place of `cutoff_hz: -1`.
 
     ConfigError if none of its sources was preprocessed.
     """
@@ -249,7 +249,7 @@ def with_selected(config: Config, provenance: Mapping[str, Any]) -> Config:
             chosen['recording.effort_delay_s'] = source['recording'].get('effort_delay_s', ())
             return override(config, chosen, 'the settings of the training data')
     raise ConfigError(
-        'preprocessing.cutoff_hz: auto needs the settings of the training data, which were no '
+        'preprocessing.cutoff_hz: -1 needs the settings of the training data, which were no '
         'recordings; give the cut-off as a number.'
     )
 

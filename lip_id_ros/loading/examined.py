@@ -35,12 +35,12 @@ def load_dataset(
         Bags and CSV logs are preprocessed by the settings; data sets (.npz) are taken as they are,
         but for the choice of joints and `max_samples`.
     settings : Config
-        Sections `recording` and `preprocessing` are used. With `cutoff_hz: auto` all recordings
+        Sections `recording` and `preprocessing` are used. With `cutoff_hz: -1` all recordings
         are read before the first is preprocessed.
     progress : callable
         Called with the number of messages read.
     training_share : float
-        First share of the recordings that `cutoff_hz: auto` may look at; the rest is held out.
+        First share of the recordings that `cutoff_hz: -1` may look at; the rest is held out.
 
     Raises
     ------

@@ -36,14 +36,8 @@ TORQUE_ERROR = 0.1
 LEAST_AT_REST = 0.5
 """Share of the friction near rest: an arm that stands may be held by any of it."""
 
-MOST_BLIND = 0.5
-"""Share of a free motion in which a smallest contact may not be seen."""
-
 LEAST_MOTION = 0.2
 """Share of the training data's range of velocities that calibration must see of every joint."""
-
-MOST_KEPT = 20_000
-"""Estimates that are kept of a free motion, evenly spaced, so that it may last for hours."""
 
 SWEEPS, LEAST_VARIANCE = 10, 1e-9
 """Of the weighted least squares, and least variance of an estimate in the largest torque's."""
@@ -98,9 +92,14 @@ def _shares(torque: Array, terms: Array) -> Array:
 
 @dataclass(frozen=True)
 class Contact:
-    """Per joint, shape (n,): deviation [N m or N], whether in contact, and whether blind."""
+    """
+    Per joint, shape (n,): whether in contact, and whether blind.
+
+    `std`, `threshold`: deviation, and torque beyond which there is a contact [N m or N].
+    """
 
     std: Array
+    threshold: Array
     touched: BoolArray
     blind: BoolArray
 
@@ -118,23 +117,30 @@ class ContactDetector:
         sees = (DEVIATIONS * std <= self.smallest) & external.settled
         threshold = np.maximum(DEVIATIONS * std, LEAST_SHOWN * self.smallest)
         touched = sees & (np.abs(external.torque) > threshold)
-        return Contact(std, np.asarray(touched), np.asarray(~sees))
+        return Contact(std, threshold, np.asarray(touched), np.asarray(~sees))
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """
+    What a motion without contact teaches.
+
+    `least`, shape (n,): smallest contacts that show in half of the motion, in hundredths of a N m.
+    """
+
+    deviation: Deviation
+    least: Array
 
     @classmethod
-    def calibrated(
-        cls,
-        joint_names: Sequence[str],
-        free: Sequence[ExternalTorque],
-        smallest: ArrayLike,
-        torque_error: ArrayLike = TORQUE_ERROR,
-    ) -> ContactDetector:
+    def of(
+        cls, free: Sequence[ExternalTorque], torque_error: ArrayLike = TORQUE_ERROR
+    ) -> Calibration:
         """
         Learn deviations from estimates of a motion without contact.
 
         It must not be a motion that the model was fitted on: its errors are too small there.
         `torque_error`: least relative error of measured torques, 0.1 from motor currents, 0.02
-        from torque sensors. DataError if the smallest contact of interest is hidden from a joint
-        most of the time.
+        from torque sensors. DataError if the motion is too short.
         """
         settled = [each for each in free if each.settled]
         if not settled:
@@ -143,57 +149,55 @@ class ContactDetector:
                 f'{len(free)} samples do not; record more of it.'
             )
         terms = np.array([each.terms for each in settled])
-        torque = np.array([each.torque for each in settled])
-        deviation = Deviation.fitted(torque, terms, torque_error)
-        least = np.broadcast_to(smallest, terms.shape[2:]).astype(np.float64)
+        deviation = Deviation.fitted(np.array([x.torque for x in settled]), terms, torque_error)
         shown = DEVIATIONS * deviation.std(terms)
-        for name, bound, of in zip(joint_names, least, shown.T, strict=True):
-            blind = np.mean(~(of <= bound))
-            if blind > MOST_BLIND:
-                raise DataError(
-                    f'a contact of {bound:.3g} N m or N at {name} would not show in '
-                    f'{100 * blind:.0f} % of the free motion, of which half needs '
-                    f'{np.median(of):.3g}; ask for a larger contact, learn from more motion, or '
-                    'give a smaller error of torques.'
-                )
-        return cls(deviation, least)
+        return cls(deviation, np.ceil(100.0 * np.median(shown, axis=0)) / 100.0)
+
+    def detector(self, joint_names: Sequence[str], smallest: ArrayLike) -> ContactDetector:
+        """Return what detects these contacts; DataError if one is hidden most of the time."""
+        wanted = np.broadcast_to(np.asarray(smallest, dtype=np.float64), self.least.shape)
+        hidden = ', '.join(
+            f'{name} {bound:.3g}'
+            for name, bound, least in zip(joint_names, wanted, self.least, strict=True)
+            if not least <= bound
+        )
+        if hidden:
+            raise DataError(
+                f'contacts at {hidden} N m or N would not show in half of the free motion, but '
+                f'{self.in_words(joint_names)} would; set smallest_contact to these or more, '
+                'learn from more motion, or give a smaller error of torques.'
+            )
+        return ContactDetector(self.deviation, wanted)
+
+    def in_words(self, joint_names: Sequence[str]) -> str:
+        """Return the smallest contacts that show."""
+        least = zip(joint_names, self.least, strict=True)
+        return f'{", ".join(f"{name} {value:g}" for name, value in least)} N m or N'
 
 
 class FreeMotion:
-    """Estimates in so many seconds without contact; `kept`: at most `MOST_KEPT` of them."""
+    """Estimates in so many seconds without contact."""
 
     def __init__(self, seconds: float, n_joints: int) -> None:
         self._remaining = seconds
         self._low, self._high = np.full((2, n_joints), [[np.inf], [-np.inf]])
-        self.kept: list[ExternalTorque] = []
-        self._n, self._every = 0, 1
+        self._kept: list[ExternalTorque] = []
 
     def add(self, step: float, dq: Array, external: ExternalTorque) -> bool:
         """Take a sample, `step` [s] after the one before; return whether it is enough."""
-        self._keep(external)
+        self._kept.append(external)
         self._low, self._high = np.minimum(self._low, dq), np.maximum(self._high, dq)
         self._remaining -= step
         return self._remaining <= 0.0
 
-    def _keep(self, external: ExternalTorque) -> None:
-        if self._n % self._every == 0:
-            self.kept.append(external)
-        self._n += 1
-        if len(self.kept) > MOST_KEPT:
-            self.kept, self._every = self.kept[::2], 2 * self._every
-
-    def detector(
-        self, joint_names: tuple[str, ...], smallest: Array, torque_error: Array
-    ) -> ContactDetector:
-        """Return the detector that knows the errors of this motion; DataError as `calibrated`."""
-        return ContactDetector.calibrated(joint_names, self.kept, smallest, torque_error)
-
-    def require_motion(self, joint_names: tuple[str, ...], trained: Array) -> None:
+    def calibration(
+        self, joint_names: Sequence[str], trained: Array, torque_error: Array
+    ) -> Calibration:
         """
-        Refuse a motion that does not show the errors of the model.
+        Return what the motion teaches, as `Calibration.of`.
 
         DataError if a joint moved by less than `LEAST_MOTION` of the velocities (n,) of the
-        training data.
+        training data: the motion does not show the errors of the model.
         """
         spanned, needed = self._high - self._low, LEAST_MOTION * trained
         for name, span, least in zip(joint_names, spanned, needed, strict=True):
@@ -202,3 +206,4 @@ class FreeMotion:
                     f'the velocity of {name} must span {least:.2g} rad/s or m/s, a fifth of the '
                     f'training data, but spanned {span:.2g}; call calibrate and move all joints.'
                 )
+        return Calibration.of(self._kept, torque_error)

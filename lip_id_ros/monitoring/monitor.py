@@ -3,40 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from lip_id_ros.adaptation.adapted_model import AdaptedModel
-from lip_id_ros.adaptation.follow_settings import (
-    blend_setting,
-    follow_rules,
-    follow_setting,
-    limit_setting,
-    timeout_setting,
-)
-from lip_id_ros.arrays import Array
-from lip_id_ros.errors import DataError
+from lip_id_ros.adaptation.follow_settings import follow_rules
+from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.joint_types import is_prismatic
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.monitoring.detection import (
-    Contact,
-    ContactDetector,
-    Deviation,
-    FreeMotion,
-    LEAST_AT_REST,
-    TORQUE_ERROR,
-)
-from lip_id_ros.monitoring.external_torque import (
-    BANDWIDTH,
-    ExternalTorque,
-    ExternalTorqueObserver,
-)
+from lip_id_ros.monitoring.contacts import Contacts
+from lip_id_ros.monitoring.external_torque import ExternalTorque, ExternalTorqueObserver
 from lip_id_ros.monitoring.observers import EnergyBalance, EnergyMonitor, Predictor
+from lip_id_ros.monitoring.settings import MonitorSettings
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.settings import executor_setting, setting, Settings
-from lip_id_ros.settings.settings import AT_START, PER_JOINT
 from lip_id_ros.signals.joint_states import (
     CONFIRMED_BY,
     continued,
@@ -45,115 +27,24 @@ from lip_id_ros.signals.joint_states import (
     NANOSECONDS,
     StampWatch,
 )
-from lip_id_ros.signals.joints import (
-    by_joint,
-    Refusal,
-    RefusedError,
-    require_joints,
-    require_unique,
-)
+from lip_id_ros.signals.joints import Refusal, RefusedError, require_joints, require_unique
 from lip_id_ros.signals.status import in_words, Level, Tally
 
 LONGEST_GAP_S = 0.2
 NEARLY = 0.95
 """A sample this share of a period after the one before is taken: stamps jitter."""
 
-DEVIATIONS_OF = ('deviation_constant', 'deviation_torque', 'deviation_inertial', 'deviation_rest')
-"""Parameters that hold the rows of `Deviation.shares`."""
-
 SILENCE_S = 2.0
 """After so long without a joint state the monitor is blind."""
 
 
 @dataclass(frozen=True)
-class MonitorSettings(Settings):
-    """The node `monitor`."""
-
-    model_path: str = setting('model.npz', 'Model of the arm.', applies=AT_START)
-    joints: tuple[str, ...] = setting(
-        (),
-        'Joints that the model must have, in any order, and that every list here is given for; '
-        'empty to take any model and its order.',
-        applies=AT_START,
-    )
-    rate_hz: float = setting(
-        100.0,
-        'How often joint states are taken, at most; each costs about ten queries of the model.',
-        unit='Hz',
-        minimum=1.0,
-        maximum=1000.0,
-        applies=AT_START,
-    )
-    smallest_contact: tuple[float, ...] = setting(
-        (5.0,),
-        f'Smallest contact that is to be detected; calibrate uses it. {PER_JOINT}',
-        unit='N m or N',
-        minimum=0.0,
-        applies=AT_START,
-    )
-    deviation_constant: tuple[float, ...] = setting(
-        (),
-        'Deviation of the external torque in free motion, as the status has it after calibrate; '
-        f'empty: no contact is detected before calibrate. {PER_JOINT}',
-        unit='N m or N',
-        minimum=0.0,
-        applies=AT_START,
-    )
-    deviation_torque: tuple[float, ...] = setting(
-        (TORQUE_ERROR,),
-        'Its share of the measured torque, or the least that calibrate takes: 0.1 for torques '
-        f'from motor currents, 0.02 for torque sensors. {PER_JOINT}',
-        minimum=0.0,
-        applies=AT_START,
-    )
-    deviation_inertial: tuple[float, ...] = setting(
-        (0.0,), f'Its share of the inertial torque. {PER_JOINT}', minimum=0.0, applies=AT_START
-    )
-    deviation_rest: tuple[float, ...] = setting(
-        (LEAST_AT_REST,),
-        f'Its share of the friction that changes sign near rest. {PER_JOINT}',
-        minimum=0.0,
-        applies=AT_START,
-    )
-    bandwidth: float = setting(
-        BANDWIDTH,
-        'Of the observer: a larger one detects contacts sooner, and shows more noise; calibrate '
-        'anew after a change.',
-        unit='1/s',
-        minimum=1.0,
-        maximum=1000.0,
-        applies=AT_START,
-    )
-    calibration_s: float = setting(
-        60.0,
-        'How much motion without contact calibrate watches.',
-        unit='s',
-        minimum=1.0,
-        applies=AT_START,
-    )
-    hold_s: float = setting(
-        0.5, 'How long a contact is published at least.', unit='s', minimum=0.0, applies=AT_START
-    )
-    follow_adaptation: bool = follow_setting(AT_START)
-    blend_s: float = blend_setting(AT_START)
-    adaptation_timeout_s: float = timeout_setting(AT_START)
-    adaptation_limit: tuple[float, ...] = limit_setting(AT_START)
-    executor: str = executor_setting()
-
-
-@dataclass(frozen=True)
 class Watched:
-    """
-    The estimates of one joint state.
-
-    `judged`, `contact`: deviations, and whether there is a contact, or was in the last `hold_s`;
-    None before a calibration.
-    """
+    """The estimates of one joint state; `contacts` as `Contacts.judge`."""
 
     external: ExternalTorque
     energy: EnergyBalance
-    judged: Contact | None
-    contact: bool | None
+    contacts: Mapping[str, Array | BoolArray] | None
 
 
 class Monitor:
@@ -166,20 +57,16 @@ class Monitor:
         model = fitted.with_rise_time(0.0)  # torques come as drives have them
         self.joint_names = model.joint_names
         self._settings = settings
-        self._trained = model.training_range
+        self._longest_gap_s = max(LONGEST_GAP_S, 2.0 / settings.rate_hz)
+        low, high = model.training_range
+        self.contacts = Contacts(settings, model.joint_names, high[1] - low[1])
         self._adapted: AdaptedModel | None = None
         if settings.follow_adaptation:
             self._adapted = AdaptedModel(fitted, follow_rules(settings, model.joint_names))
         self._predictor: Predictor = self._adapted or model
         self._predictor.predict(*np.zeros((3, 1, model.n_joints)))  # compiled now
         self._reader = JointStateReader(model.joint_names, model.effort_calibration)
-        self._smallest = self._per_joint('smallest_contact')
-        self._detector = self._configured() if settings.deviation_constant else None
-        self._free: FreeMotion | None = None
-        self._failure = ''
-        self._contact_until = -np.inf
         self._tally = Tally('watched', 'too_soon', 'after_a_gap')
-        self._n_contacts = self._n_blind = 0
         self._before = self._counts()
         self._received_at: float | None = None
         self._n_unusable = 0
@@ -189,14 +76,6 @@ class Monitor:
         self._is_revolute = ~is_prismatic(model.joint_types)
         self._q: Array | None = None
         self._begin_anew()
-
-    def calibrate(self) -> str:
-        """Watch free motion from now on; return what was begun."""
-        self._free = FreeMotion(self._settings.calibration_s, len(self.joint_names))
-        return (
-            f'watching {self._settings.calibration_s:g} s of motion; move all joints as in use, '
-            'without any contact'
-        )
 
     def take(self, message: JointMessage) -> Watched | None:
         """
@@ -215,10 +94,10 @@ class Monitor:
                 return None
             return self._watch(step, message.stamp_ns, self._reader.read(message))
 
-    def take_update(self, text: str, now: float) -> None:
+    def take_update(self, message: Any, now: float, clock_ns: int) -> None:
         """Follow an update of the model; RefusedError, counted, where it is not to be followed."""
         if self._adapted is not None:
-            self._adapted.take(text, now)
+            self._adapted.take(message, now, clock_ns)
 
     def judge(self, now: float) -> tuple[Level, str]:
         """Judge what came since the last call, in one sentence; `now` [s] is of any clock."""
@@ -238,14 +117,11 @@ class Monitor:
     def values(self) -> dict[str, Any]:
         """Return the state and the counts, JSON-able."""
         return {
-            'state': self._state,
-            **self._deviations(),
+            'state': self.contacts.state,
+            **self.contacts.values(),
             'received': self._tally.received,
             **self._tally.used,
             'refused': dict(self._tally.refused),
-            'contacts': self._n_contacts,
-            'blind': self._n_blind,
-            'failure': self._failure,
             'adaptation': self._adapted.values() if self._adapted else {},
         }
 
@@ -262,21 +138,15 @@ class Monitor:
         if self._n_unusable >= CONFIRMED_BY:
             trouble = f'refused: {in_words(self._refused)}' if self._refused else apart
             return Level.ERROR, f'blind: joint states {trouble}'
-        if self._failure:
-            return Level.ERROR, self._failure
+        if self.contacts.failure:
+            return Level.ERROR, self.contacts.failure
         if refused:
             return Level.WARN, f'joint states refused: {in_words(refused)}'
         if new['after_a_gap'] > 1:
             return Level.WARN, f'{new["after_a_gap"]} joint states not watched: they came {apart}'
         if self._adapted is not None and (trouble := self._adapted.new_trouble()):
             return Level.WARN, trouble
-        return Level.OK, self._state
-
-    @property
-    def _state(self) -> str:
-        if self._free is not None:
-            return 'calibrating'
-        return 'watching' if self._detector is not None else 'not calibrated'
+        return Level.OK, self.contacts.state
 
     def _watch(self, step: float, stamp_ns: int, measured: MeasuredState) -> Watched | None:
         if measured.tau is None:
@@ -298,60 +168,10 @@ class Monitor:
             self._tally.used['after_a_gap'] += 1
             return None
         self._tally.used['watched'] += 1
-        self._learn(step, measured.dq, external)
-        judged = None if self._detector is None else self._detector.judge(external)
-        return Watched(external, energy, judged, self._in_contact(measured.t, judged))
-
-    @property
-    def _longest_gap_s(self) -> float:
-        """Joint states further apart are not watched [s]."""
-        return max(LONGEST_GAP_S, 2.0 / self._settings.rate_hz)
+        contacts = self.contacts.judge(measured.t, step, measured.dq, external)
+        return Watched(external, energy, contacts)
 
     def _begin_anew(self) -> None:
         self._q = None
         self._external = ExternalTorqueObserver(self._predictor, self._settings.bandwidth)
         self._energy = EnergyMonitor(self._predictor)
-
-    def _in_contact(self, t: float, judged: Contact | None) -> bool | None:
-        if judged is None:
-            return None
-        self._n_blind += int(judged.blind.any())
-        if judged.touched.any():
-            self._n_contacts += int(t > self._contact_until)
-            self._contact_until = t + self._settings.hold_s
-            return True
-        # a clock that was set back must not hold a contact for ever
-        return bool(0.0 <= self._contact_until - t <= self._settings.hold_s)
-
-    def _learn(self, step: float, dq: Array, external: ExternalTorque) -> None:
-        if self._free is None or not self._free.add(step, dq, external):
-            return
-        found, self._free = self._free, None
-        try:
-            low, high = self._trained
-            found.require_motion(self.joint_names, high[1] - low[1])
-            self._detector = found.detector(
-                self.joint_names, self._smallest, self._per_joint('deviation_torque')
-            )
-            self._failure = ''
-        except DataError as error:
-            self._failure = f'not calibrated: {error}'
-
-    def _configured(self) -> ContactDetector:
-        shares = np.stack([self._per_joint(name) for name in DEVIATIONS_OF])
-        return ContactDetector(Deviation(shares), self._smallest)
-
-    def _deviations(self) -> dict[str, list[float] | None]:
-        """Return the deviations under the names of their parameters, None before a calibration."""
-        if self._detector is None:
-            return dict.fromkeys(DEVIATIONS_OF)
-        shares = self._detector.deviation.shares
-        return {
-            name: [float(f'{value:.4g}') for value in row]
-            for name, row in zip(DEVIATIONS_OF, shares, strict=True)
-        }
-
-    def _per_joint(self, name: str) -> Array:
-        return by_joint(
-            name, getattr(self._settings, name), self._settings.joints, self.joint_names, 0.0
-        )

@@ -1,8 +1,15 @@
 r"""
 Balance of energy of an arm that moves.
 
-The total energy follows :math:`\frac{d}{dt}(T + V) = \dot q^T (\tau - f) + P_{ext}`: an observer
-of first order finds the power that is not explained, without differentiating the energy.
+The total energy E follows :math:`\dot E = m + P` with the power :math:`m = \dot q^T (\tau - f)`
+that the drives supply. An observer of first order finds the power P that is not explained, without
+differentiating the energy:
+
+.. math:: r = K (E - E_0 - \int (m + r)\, dt), \qquad
+          \dot r = K (\dot E - m - r)
+
+The integral is taken by the trapezoidal rule in m and implicitly in r: stable for steps of any
+length.
 """
 
 from __future__ import annotations
@@ -30,37 +37,6 @@ class Predictor(Protocol):
         """Torques with their parts and energies at N joint states, of shape (N, n)."""
 
 
-class DisturbanceObserver:
-    r"""
-    First-order observer of the rate of a quantity :math:`p` beyond a known rate :math:`m`.
-
-    .. math:: r = K (p - p_0 - \int (m + r)\, dt), \qquad
-              \dot r = K (\dot p - m - r)
-
-    So r follows :math:`\dot p - m` like a low-pass of time constant 1 / K, and p is never
-    differentiated. The integral is taken by the trapezoidal rule in m and implicitly in r: stable
-    for steps of any length.
-
-    `gain`: K [1/s].
-    """
-
-    def __init__(self, gain: float) -> None:
-        self._gain = gain
-        self._t = np.nan
-        self._rate: Array = np.zeros(0)
-        self._explained: Array = np.zeros(0)
-
-    def update(self, t: float, quantity: Array, rate: Array) -> Array:
-        """Take the quantity p and its known rate m at a time t [s] after the last; return r."""
-        if np.isnan(self._t):
-            self._t, self._rate, self._explained = t, rate, np.array(quantity, dtype=np.float64)
-        step = t - self._t
-        explained = self._explained + step * 0.5 * (self._rate + rate)
-        residual: Array = self._gain * (quantity - explained) / (1.0 + self._gain * step)
-        self._t, self._rate, self._explained = t, rate, explained + step * residual
-        return residual
-
-
 @dataclass(frozen=True)
 class EnergyBalance:
     """
@@ -77,18 +53,23 @@ class EnergyBalance:
 
 
 class EnergyMonitor:
-    """Compare the change of the learned energy with the power supplied in 1 / gain [s]."""
+    """Compare the change of the learned energy with the power supplied; `gain`: K [1/s]."""
 
     def __init__(self, model: Predictor, gain: float = GAIN) -> None:
-        self._model = model
-        self._observer = DisturbanceObserver(gain)
+        self._model, self._gain = model, gain
+        self._t, self._supplied, self._explained = np.nan, 0.0, 0.0
 
     def update(self, t: float, q: Array, dq: Array, tau: Array) -> EnergyBalance:
         """Take one measured sample at t [s], of states and torques (n,)."""
         predicted = self._model.predict(q[None], dq[None], np.zeros((1, len(q))))
-        total = predicted.kinetic[0]
+        total = float(predicted.kinetic[0])
         if predicted.potential is not None:
-            total = total + predicted.potential[0]
-        supplied = dq @ (tau - predicted.friction[0])
-        unexplained = self._observer.update(t, np.asarray(total), np.asarray(supplied))
-        return EnergyBalance(float(total), float(supplied), float(unexplained))
+            total += float(predicted.potential[0])
+        supplied = float(dq @ (tau - predicted.friction[0]))
+        if np.isnan(self._t):
+            self._t, self._supplied, self._explained = t, supplied, total
+        step = t - self._t
+        explained = self._explained + step * 0.5 * (self._supplied + supplied)
+        unexplained = self._gain * (total - explained) / (1.0 + self._gain * step)
+        self._t, self._supplied, self._explained = t, supplied, explained + step * unexplained
+        return EnergyBalance(total, supplied, unexplained)

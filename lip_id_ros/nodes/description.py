@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+import time
 
 from std_msgs.msg import String
 
@@ -14,18 +15,19 @@ from lip_id_ros.nodes.node import NodeBase
 
 NAME = 'robot_description'
 
+LONGEST_WAIT_S, POLL_S = 5.0, 0.02
+"""A launch starts robot_state_publisher, which may read xacro, with the node that needs it."""
+
 
 class Description:
     """
     The last URDF that came on robot_description, or the one that the node was given.
 
-    `given`: text of a URDF; empty for that of the topic. `arrived` is called with each that comes.
+    `given`: text of a URDF; empty for that of the topic.
     """
 
-    def __init__(
-        self, node: NodeBase, given: str = '', arrived: Callable[[], None] = lambda: None
-    ) -> None:
-        self._text, self._place, self._arrived = given, f'the parameter {NAME}', arrived
+    def __init__(self, node: NodeBase, given: str = '') -> None:
+        self._text, self._place = given, f'the parameter {NAME}'
         self._node = node
         if not given:
             self._subscription = node.create_subscription(String, NAME, self._take, qos.LATCHED)
@@ -47,7 +49,11 @@ class Description:
 
     def torque_limits(self, joints: Sequence[str]) -> tuple[float, ...]:
         """Return the limits of joints [N m or N], and log them; DataError if one lacks."""
-        text = self.require('torque_limits', 'give numbers')
+        end = time.monotonic() + LONGEST_WAIT_S
+        while not self._text and time.monotonic() < end:
+            self._node.take_waiting(self._subscription)
+            time.sleep(POLL_S)
+        text = self.require('torque_limits_from', 'give torque_limits')
         limits = effort_limits(text, self._place, joints)
         found = ', '.join(
             f'{joint} {limit:g}' for joint, limit in zip(joints, limits, strict=True)
@@ -63,4 +69,3 @@ class Description:
                 'again, a fit takes the newest; check for two publishers.',
             )
         self._text = message.data
-        self._arrived()

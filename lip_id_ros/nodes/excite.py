@@ -10,10 +10,10 @@ import sys
 import time
 from typing import Any
 
+from control_msgs.msg import DynamicJointState
 import numpy as np
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from lip_id_ros.acquisition.job import Jobs, Task
@@ -22,16 +22,17 @@ from lip_id_ros.errors import ConfigError, LipIdError
 from lip_id_ros.excitation.rounds import Measured, MotionRequest, MotionWatch, NextMotion, numbered
 from lip_id_ros.excitation.settings import RoundSettings
 from lip_id_ros.excitation.trajectory_file import writer_for
-from lip_id_ros.nodes import qos, running
+from lip_id_ros.nodes import messages, qos, running
+from lip_id_ros.nodes.controller import LONGEST_ANSWER_S
 from lip_id_ros.nodes.description import Description
-from lip_id_ros.nodes.motion_goal import HaltError, LONGEST_ANSWER_S, MotionGoal
+from lip_id_ros.nodes.motion_goal import HaltError, MotionGoal
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.running import outcome
 from lip_id_ros.nodes.trainer import Trainer
 from lip_id_ros.settings import parameters_of
 from lip_id_ros.signals.joints import by_joint
 from lip_id_ros.signals.status import Level, Status
-from lip_id_ros.signals.torque_steps import limits_in_numbers
+from lip_id_ros.signals.torque_steps import limits_in_numbers, require_limits
 
 TICK_S = 0.02
 
@@ -57,8 +58,8 @@ ENDED = Stage.IDLE, Stage.DONE, Stage.STOPPED
 class ExciteNode(NodeBase):
     """Motions, one after the other; ConfigError if a parameter is missing or wrong."""
 
-    def __init__(self) -> None:
-        super().__init__('excite', parameters_of(RoundSettings))
+    def __init__(self, **options: Any) -> None:
+        super().__init__('excite', parameters_of(RoundSettings), **options)
         self._settings = settings = RoundSettings(**self.values())
         _require(settings)
         self._stage, self._sentence = Stage.IDLE, 'call ~/start'
@@ -82,7 +83,9 @@ class ExciteNode(NodeBase):
         self.create_subscription(
             JointState, 'joint_states', self._on_joint_state, qos.SENSOR_STREAM
         )
-        self.create_subscription(Bool, 'monitor/contact', self._on_contact, qos.OUTPUT)
+        self.create_subscription(
+            DynamicJointState, 'monitor/contact', self._on_contact, qos.OUTPUT
+        )
         self.create_service(Trigger, '~/start', self._on_start)
         self.create_service(Trigger, '~/confirm', self._on_confirm)
         self.create_service(Trigger, '~/stop', self._on_stop)
@@ -288,9 +291,9 @@ class ExciteNode(NodeBase):
         if reason is not None:
             self._halt(reason)
 
-    def _on_contact(self, message: Bool) -> None:
+    def _on_contact(self, message: DynamicJointState) -> None:
         self._contact_heard_at = time.monotonic()
-        if message.data and self._watch is not None:
+        if messages.any_joint(message, 'contact') and self._watch is not None:
             self._halt('the monitor has found a contact')
 
     def _measured_now(self, names: Sequence[str]) -> Array | None:
@@ -327,7 +330,7 @@ class ExciteNode(NodeBase):
 
     def _watched(self, motion: NextMotion) -> MotionWatch:
         names, settings = motion.trajectory.joint_names, self._settings
-        limits = limits_in_numbers(settings.effort_limits)
+        limits = limits_in_numbers(settings.effort_limits, settings.effort_limits_from)
         return MotionWatch(
             motion.trajectory,
             by_joint('tracking_tolerance', settings.tracking_tolerance, names, names, np.inf),
@@ -350,8 +353,7 @@ def _require(settings: RoundSettings) -> None:
             'moves the arm; give it.'
         )
     writer_for(settings.motion_path)
-    if settings.effort_limits == ():
-        raise ConfigError('effort_limits must be given: numbers, or the word none for no limits.')
+    require_limits('effort_limits', settings.effort_limits, settings.effort_limits_from)
 
 
 async def _passing(awaited: Any, pending: Future) -> None:

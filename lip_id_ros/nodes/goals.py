@@ -2,34 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import partial
 import time
 from typing import Any
 
+from control_msgs.action import FollowJointTrajectory
+from control_msgs.msg import JointTrajectoryControllerState
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import GoalEvent
-from rclpy.serialization import deserialize_message, serialize_message
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
-from lip_id_ros.errors import ConfigError
-from lip_id_ros.feedforward import goals
 from lip_id_ros.feedforward.goals import Ending, GoalCounts, Outcome
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.nodes import messages, qos
+from lip_id_ros.nodes.controller import Controller, SpeedScaling
 from lip_id_ros.nodes.node import NodeBase
-from lip_id_ros.nodes.plans import Planned, Plans
-from lip_id_ros.nodes.relay import ControllerAction, goal_of_feedback, Relay
+from lip_id_ros.nodes.relay import Relay, WatchedTime
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 NAME = '~/follow_joint_trajectory'
-
-MOST_INLINE = 250
-"""
-A goal with more points is filled in a process beside the stream, as a long plan is. So many points
-take 5 ms here, and there the way to the other process and back.
-"""
 
 LOOK_S = 0.1
 """A controller is looked for so often while it has goals: each look takes half a millisecond."""
@@ -37,132 +27,112 @@ LOOK_S = 0.1
 KEPT_S = 60
 """Results are kept for so long: every client asks for them when its goal is accepted."""
 
+NEARLY = 0.05
+"""Speed scalings that differ by less are alike."""
+
 
 class Goals:
     """
     Fill the efforts of goals, hand them to the controller, and hand back all that it answers.
 
-    A goal keeps its identity, its tolerances and whatever else it has. `action` is that of the
-    controller; ConfigError if its type is not installed.
+    A goal keeps its identity, its tolerances and whatever else it has. One that cannot be filled,
+    or that no controller would take, is refused. `action` is that of the controller.
     """
 
-    def __init__(
-        self, node: NodeBase, server: Server, plans: Plans, counts: GoalCounts, action: str
-    ) -> None:
-        self._node, self._server, self._plans, self._counts = node, server, plans, counts
-        self._kind = action_type()
-        # by the identity of the goal: those of the controller, and those filled beside the stream
-        self._relays: dict[bytes, Relay] = {}
-        self._look_at = 0.0
-        self._filled: dict[bytes, tuple[Any, Callable[[Planned], None]]] = {}
-        calls = dict.fromkeys(
-            [f'{name}_service_qos_profile' for name in ('goal', 'result', 'cancel')], qos.CALLS
+    def __init__(self, node: NodeBase, server: Server, counts: GoalCounts, action: str) -> None:
+        self._node, self._server, self._counts = node, server, counts
+        self.controller = Controller(node, action)
+        self._relays: dict[bytes, Relay] = {}  # by the identity of the goal
+        self._speeds: dict[bytes, float] = {}  # that their efforts are for
+        self._time, self._look_at = WatchedTime(), 0.0
+        self._scaling, self._speed = SpeedScaling(), 1.0
+        name = self.controller.action.rpartition('/')[0]
+        self._state = node.create_subscription(
+            JointTrajectoryControllerState, f'{name}/controller_state', self._on_state, qos.NEWEST
         )
-        action = node.resolve_service_name(action)
-        self._action = ControllerAction(node, self._kind, action, self._on_feedback)
-        feedback = self._kind.Impl.FeedbackMessage
-        self._feedback = node.create_publisher(feedback, f'{NAME}/_action/feedback', qos.OUTPUT)
+        calls = dict.fromkeys(
+            [f'{each}_service_qos_profile' for each in ('goal', 'result', 'cancel')], qos.CALLS
+        )
         self._offered = ActionServer(
             node,
-            self._kind,
+            FollowJointTrajectory,
             NAME,
-            goal_callback=lambda goal: GoalResponse.ACCEPT,  # else there is no reason to give
-            handle_accepted_callback=self._on_goal,
+            goal_callback=self._on_goal,
+            handle_accepted_callback=self._hand_on,
             cancel_callback=self._on_cancel,
             result_timeout=KEPT_S,
             **calls,
         )
 
     def warnings(self) -> list[str]:
-        """Describe what is missing for goals."""
-        if self._action.servers():
-            return []
-        return [f'no controller offers the action {self._action.name}']
+        """Describe what is missing or wrong for goals."""
+        found = []
+        if not self.controller.is_offered:
+            found.append(f'no controller offers the action {self.controller.action}')
+        for speed in self._speeds.values():
+            if abs(self._speed - speed) > NEARLY:
+                found.append(
+                    f'a goal with efforts for {100 * speed:.0f} % of its speed is executed at '
+                    f'{100 * self._speed:.0f} %: its efforts of inertia and friction are wrong; '
+                    'send it again at this speed'
+                )
+        return found
 
     def watch(self) -> None:
-        """Go on with goals that were cancelled, or whose controller is missing."""
-        for handle, _ in list(self._filled.values()):
-            if handle.is_cancel_requested:
-                self._abandon(handle, goals.cancelled_early())
-        self._action.time.advance(time.monotonic())
-        now = self._action.time.now
-        if not self._relays or now < self._look_at:
+        """Go on with goals whose controller is missing."""
+        self.controller.watch()
+        self._time.advance(time.monotonic())
+        if not self._relays or self._time.now < self._look_at:
             return
-        self._look_at, servers = now + LOOK_S, self._action.servers()
+        self._look_at = self._time.now + LOOK_S
         for relay in list(self._relays.values()):
-            relay.watch(servers)
+            relay.watch()
 
     def release(self) -> None:
         """Have the controller cancel all goals: nobody wants their efforts, or can cancel them."""
         for relay in list(self._relays.values()):
             relay.release()
-        for handle, _ in list(self._filled.values()):
-            self._abandon(handle, goals.released())
 
     def destroy(self) -> None:
-        """Offer the action no more."""
+        """Offer the action no more; the controller is left to be asked on."""
         self.release()
         self._offered.destroy()
-        self._action.destroy()
-        self._node.destroy_publisher(self._feedback)
+        self._node.destroy_subscription(self._state)
 
-    def _abandon(self, handle: Any, outcome: Outcome) -> None:
-        """End a goal that is still being filled."""
-        _, answered = self._filled.pop(_identity(handle))
-        self._plans.abandon(answered)
-        self._server.counts.references.refuse(Refusal.INTERRUPTED)
-        self._end(handle, outcome)
+    def _on_state(self, message: Any) -> None:
+        self._speed = self._scaling.read(message)
 
-    def _on_goal(self, handle: Any) -> None:
+    def _on_goal(self, goal: Any) -> GoalResponse:
+        """Fill a goal; refuse it where that is not possible, with a reason in log and status."""
         self._counts.received += 1
-        self._server.counts.references.received += 1
-        with self._ending(handle):
-            if not handle.is_cancel_requested:
-                handle.executing()
-            plan = handle.request.trajectory
-            count = len(plan.points)
-            if count > 1 and self._plans.are_slow(count > MOST_INLINE):
-                answered = partial(self._answered, handle)
-                self._plans.submit(serialize_message(plan), count, answered)
-                self._filled[_identity(handle)] = handle, answered
-                return
-            messages.filled(plan, self._server)
-            self._plans.interrupt()
-            self._hand_on(handle)
-
-    def _answered(self, handle: Any, planned: Planned) -> None:
-        """Go on with a goal whose plan was filled beside the stream."""
-        if self._filled.pop(_identity(handle), None) is None:  # it has ended meanwhile
-            return
-        with self._ending(handle):
-            raw = self._plans.accept(planned)
-            handle.request.trajectory = deserialize_message(raw, JointTrajectory)
-            self._hand_on(handle)
-
-    @contextmanager
-    def _ending(self, handle: Any) -> Iterator[None]:
-        """End a goal where it is refused, or an error arises."""
+        references = self._server.counts.references
         try:
-            yield
-        except RefusedError as error:
-            self._node.warn_of_refusal(error)
-            self._end(handle, goals.refused(error.reason, str(error)))
+            with references.receiving():
+                if not self.controller.is_offered:
+                    raise RefusedError(Refusal.NO_CONTROLLER)
+            now = time.monotonic()
+            goal.trajectory = messages.filled_plan(
+                goal.trajectory, self._server, now=now, speed=self._speed
+            )
+        except RefusedError as refused:
+            # the action has no place for a reason
+            reason = refused.reason
+            self._node.warn(f'goal: {reason}', f'refused a goal ({reason}): {refused}')
+            self._counts.refused[refused.reason.value] += 1
+            return GoalResponse.REJECT
         except Exception as error:
             self._node.caught(error)
-            self._end(handle, goals.failed(error))
+            self._counts.refused[Refusal.FAILED.value] += 1
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
 
     def _hand_on(self, handle: Any) -> None:
-        if not (servers := self._action.servers()):
-            self._end(handle, goals.without_controller(self._action.name))
-            return
-        relay = Relay(self._action, servers, handle, self._finish)
-        relay.send()
+        handle.executing()
+        relay = Relay(self.controller, self._time, handle, self._finish)
         self._relays[_identity(handle)] = relay
+        self._speeds[_identity(handle)] = self._speed
+        relay.send()
         _forget_plan(handle)
-
-    def _on_feedback(self, raw: bytes) -> None:
-        if goal_of_feedback(raw) in self._relays:
-            self._feedback.publish(raw)
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
         relay = self._relays.get(_identity(handle))
@@ -171,14 +141,13 @@ class Goals:
         return CancelResponse.ACCEPT
 
     def _finish(self, relay: Relay, outcome: Outcome, result: Any) -> None:
-        del self._relays[_identity(relay.handle)]
-        self._end(relay.handle, outcome, result)
-
-    def _end(self, handle: Any, outcome: Outcome, result: Any = None) -> None:
+        handle = relay.handle
+        del self._relays[_identity(handle)], self._speeds[_identity(handle)]
         self._counts.end(outcome)
-        _forget_plan(handle)
         if result is None:
-            result = self._kind.Result(error_code=outcome.code, error_string=outcome.sentence)
+            result = FollowJointTrajectory.Result(
+                error_code=outcome.code, error_string=outcome.sentence
+            )
         if outcome.ending is Ending.SUCCEEDED:
             handle.succeed(result)
         elif outcome.ending is Ending.CANCELED:
@@ -197,15 +166,3 @@ def _forget_plan(handle: Any) -> None:
     """Let go of what is large in a goal: rclpy keeps it for `KEPT_S` after its end."""
     handle.request.trajectory = JointTrajectory()
     handle.request.multi_dof_trajectory = MultiDOFJointTrajectory()
-
-
-def action_type() -> Any:
-    """Return FollowJointTrajectory; ConfigError where its package is not installed."""
-    try:
-        from control_msgs.action import FollowJointTrajectory
-    except ImportError:
-        raise ConfigError(
-            'controller_action needs the package control_msgs, which is not installed; install '
-            'ros-jazzy-control-msgs or leave controller_action empty.'
-        ) from None
-    return FollowJointTrajectory

@@ -1,163 +1,166 @@
-"""Arguments that all launch files of the package share, and actions that start its nodes."""
+"""Launch descriptions of the package's nodes, which any other launch file can include."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 import os
-from pathlib import Path
 from typing import Any
 
 from ament_index_python.packages import get_package_share_path
-from launch import Action, LaunchContext
+from launch import Action, LaunchContext, LaunchDescription, logging
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
-from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
-from launch_ros.actions import Node
+from launch.events import IncludeLaunchDescription as LaunchBegins
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import LifecycleNode, Node
 from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.utilities import make_namespace_absolute, prefix_namespace
+from rclpy.validate_namespace import validate_namespace
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.settings.sections import parameters_in_file
 
 PACKAGE = 'lip_id_ros'
-PARAMS_FILE = PathJoinSubstitution([str(Path.cwd()), LaunchConfiguration('params_file')])
-"""Path of the parameter file, also for a node that runs in another folder."""
+LIFECYCLE = 'serve'
+SECONDS_TO_SAVE = '60'  # a million samples of train take about 20 s to write
+SECONDS_TO_RESPAWN = 2.0
 
-AS_IN_FILE = '; empty: as in params_file'
+TOPICS = {
+    'joint_states': ('joint_states', 'the measured joint states'),
+    'desired_trajectory': ('~/desired_trajectory', 'the references and plans'),
+    'controller_state': ('~/controller_state', 'a controller that is followed'),
+    'trajectory_with_effort': ('~/trajectory_with_effort', 'plans with efforts'),
+    'commands': ('~/commands', 'torques for a forward_command_controller'),
+}
+"""Name in the node, and what is published there, by argument."""
 
-KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number'}
+ARGUMENTS = {
+    'params_file': ('', 'File with a section of parameters for each node.'),
+    'namespace': ('', 'Namespace of the nodes within that of the launch.'),
+    'use_sim_time': ('', 'Whether the nodes follow /clock; empty: as in params_file.'),
+    'log_level': ('info', 'Least level of what the nodes log.'),
+    'respawn': ('false', 'Whether a node that ends begins anew, serve unconfigured.'),
+    'model_path': ('', 'Model of the arm; empty: as in params_file.'),
+    'autostart': ('true', 'Whether serve is configured and activated.'),
+    'folder': ('.', 'Folder of what train writes, one for each robot; must exist.'),
+    **{each: (topic, f'Topic of {what}.') for each, (topic, what) in TOPICS.items()},
+}
+"""Default and description of every argument."""
 
-MakeNode = Callable[[LaunchContext], list[Node]]
-"""Makes a node from the arguments of a launch; ConfigError if one of them is wrong."""
+COMMON = ('params_file', 'namespace', 'use_sim_time', 'log_level', 'respawn')
+OF_NODE = {
+    'adapt': ('model_path', 'joint_states'),
+    'excite': ('joint_states',),
+    'monitor': ('model_path', 'joint_states'),
+    'serve': ('model_path', 'autostart', *TOPICS),
+    'simulated_panda': (),
+    'train': ('joint_states', 'folder'),
+}
+"""Arguments of each node beside the common ones."""
 
-SHARED = ('params_file', 'namespace', 'joint_states', 'use_sim_time')
-"""Arguments that a launch file hands to one that it includes."""
 
-JOINT_STATES = ('joint_states', 'joint_states', 'Topic of the measured joint states.')
-
-
-def common_arguments(config: str | None, nodes: str) -> list[Action]:
+def launch_of(*nodes: str, **defaults: str) -> LaunchDescription:
     """
-    Declare `params_file`, `namespace` and `use_sim_time`; refuse arguments that nobody declares.
+    Return what starts nodes of the package, in the namespace of the context.
 
-    `config`: file of the package's folder config with the default parameters; without it
-    `params_file` is required. `nodes`: names of the nodes that read it.
+    Where an argument is wrong nothing is started. `ros2 launch` of the file itself ends with the
+    reason; a launch that includes it logs the reason and goes on, since it may run the robot.
+
+    `**defaults`: of arguments, where they are not those of `ARGUMENTS`; `params_file` is the name
+    of one in the package's folder config.
     """
-    default = config and str(get_package_share_path(PACKAGE) / 'config' / config)
-    return [
-        argument('params_file', default, f'File with parameters of {nodes}.'),
-        argument('namespace', '', 'Namespace of the arm.'),
-        argument('use_sim_time', '', f'Whether the nodes follow /clock{AS_IN_FILE}.'),
-        OpaqueFunction(function=_refuse_undeclared),
+    if 'params_file' in defaults:
+        config = get_package_share_path(PACKAGE) / 'config' / defaults['params_file']
+        defaults['params_file'] = str(config)
+    names = dict.fromkeys([*COMMON, *(each for node in nodes for each in OF_NODE[node])])
+    declared = [
+        DeclareLaunchArgument(
+            name,
+            default_value=defaults.get(name, ARGUMENTS[name][0]),
+            description=ARGUMENTS[name][1],
+        )
+        for name in names
     ]
+    return LaunchDescription([*declared, OpaqueFunction(function=_start, args=[nodes, names])])
 
 
-def _refuse_undeclared(context: LaunchContext) -> None:
-    launched = context.locals.event.launch_description
-    known = {declared.name for declared in launched.get_launch_arguments()}
-    given = [each.partition(':=')[0] for each in context.argv if ':=' in each]
-    unknown = [name for name in given if name not in known]
+def _start(context: LaunchContext, nodes: Sequence[str], names: Sequence[str]) -> list[Action]:
+    given = {name: LaunchConfiguration(name).perform(context) for name in names}
+    if _is_launched_itself(context):
+        _refuse_unknown(context.argv, names)
+        return [_node(context, name, given) for name in nodes]
+    try:
+        return [_node(context, name, given) for name in nodes]
+    except Exception as error:  # whatever it is, launch would stop the driver for it
+        logging.get_logger(PACKAGE).error(f'{", ".join(nodes)} not started: {error}')
+        return []
+
+
+def _is_launched_itself(context: LaunchContext) -> bool:
+    """Whether `ros2 launch` was given the present file, and none that includes it."""
+    event = context.get_locals_as_dict().get('event')
+    if not isinstance(event, LaunchBegins):
+        return False
+    entities = event.launch_description.entities
+    paths = [
+        os.path.abspath(each.launch_description_source.location)
+        for each in entities
+        if isinstance(each, IncludeLaunchDescription)
+    ]
+    return paths == [context.locals.current_launch_file_path]
+
+
+def _refuse_unknown(argv: Sequence[str], names: Sequence[str]) -> None:
+    given = [each.partition(':=')[0] for each in argv if ':=' in each]
+    unknown = [name for name in given if name not in names]
     if unknown:
         raise ConfigError(
-            f'{unknown[0]} is not a launch argument; there are: {", ".join(sorted(known))}. '
+            f'{unknown[0]} is not a launch argument; there are: {", ".join(sorted(names))}. '
             'Parameters of a node belong in params_file.'
         )
 
 
-def require_folder(name: str) -> Action:
-    """Refuse an argument that is not a folder."""
-
-    def check(context: LaunchContext) -> None:
-        path = LaunchConfiguration(name).perform(context)
-        if not os.path.isdir(path):
-            raise ConfigError(f'{name} must be a folder, not {path}; make it first.')
-
-    return OpaqueFunction(function=check)
-
-
-def argument(name: str, default: str | None, description: str) -> DeclareLaunchArgument:
-    """Declare an argument; one without a default is required."""
-    return DeclareLaunchArgument(name, default_value=default, description=description)
-
-
-def node(
-    name: str,
-    parameters: Mapping[str, Any] | None = None,
-    topics: Sequence[tuple[str, Any]] = (),
-    given: Mapping[str, type] | None = None,
-    defaults: Mapping[str, Any] | None = None,
-    **options: Any,
-) -> MakeNode:
-    """
-    Return what makes a node of the package in the namespace, with clock and parameters as given.
-
-    `name`: of the program and of the node.
-    `parameters`: beside those of the parameter file, which they override.
-    `topics`: name in the node, name in the graph.
-    `given`: parameters with their types that launch arguments of the same names override, unless
-    empty.
-    `defaults`: parameters where neither the arguments nor the parameter file have one.
-    `**options`: further arguments of `launch_ros.actions.Node`.
-    """
-
-    def made(context: LaunchContext) -> list[Node]:
-        namespace = LaunchConfiguration('namespace').perform(context).strip('/')
-        path = PARAMS_FILE.perform(context)
-        in_file = parameters_in_file(path, f'/{namespace}/{name}'.replace('//', '/'))
-        overriding = {
-            each: _value(context, each, kind)
-            for each, kind in {'use_sim_time': bool, **(given or {})}.items()
-            if LaunchConfiguration(each).perform(context)
-        }
-        left = {key: each for key, each in (defaults or {}).items() if key not in in_file}
-        return [
-            Node(
-                package=PACKAGE,
-                executable=name,
-                name=name,
-                namespace=namespace,
-                parameters=[path, {**left, **(parameters or {}), **overriding}],
-                remappings=list(topics),
-                output='screen',
-                **options,
-            )
-        ]
-
-    return made
-
-
-def start(*nodes: MakeNode, included: Sequence[Action] = ()) -> list[Action]:
-    """
-    Return actions that start nodes once the arguments of all are right, behind other launch files.
-
-    What is being started when launch comes to an error runs on without it.
-    """
-
-    def check(context: LaunchContext) -> None:
-        for make in nodes:
-            make(context)
-
-    return [
-        OpaqueFunction(function=check),
-        *included,
-        *(OpaqueFunction(function=make) for make in nodes),
-    ]
-
-
-def included(file: str) -> IncludeLaunchDescription:
-    """Return another launch file of the package, with the arguments `SHARED` of this one."""
-    path = get_package_share_path(PACKAGE) / 'launch' / file
-    shared = {each: LaunchConfiguration(each) for each in SHARED}
-    return IncludeLaunchDescription(
-        PythonLaunchDescriptionSource(str(path)), launch_arguments=shared.items()
+def _node(context: LaunchContext, name: str, given: Mapping[str, str]) -> Node:
+    """Return the action that starts a node; ConfigError if an argument is wrong."""
+    mine = (*COMMON, *OF_NODE[name])
+    pushed = context.launch_configurations.get('ros_namespace')
+    namespace = make_namespace_absolute(prefix_namespace(pushed, given['namespace']))
+    validate_namespace(namespace)
+    path = os.path.abspath(given['params_file'])
+    parameters_in_file(path, prefix_namespace(namespace, name))
+    parameters: dict[str, Any] = {}
+    if given['use_sim_time']:
+        parameters['use_sim_time'] = _flag('use_sim_time', given)
+    if 'model_path' in mine and given['model_path']:
+        parameters['model_path'] = ParameterValue(given['model_path'], value_type=str)
+    options: dict[str, Any] = {}
+    if name == 'train':
+        options = {'cwd': _folder(given['folder']), 'sigterm_timeout': SECONDS_TO_SAVE}
+    if name == LIFECYCLE:
+        parameters['autostart'] = False  # the launch does it
+        options = {'autostart': _flag('autostart', given)}
+    return (LifecycleNode if name == LIFECYCLE else Node)(
+        package=PACKAGE,
+        executable=name,
+        name=name,
+        namespace=namespace,
+        parameters=[path, parameters],
+        remappings=[(TOPICS[each][0], given[each]) for each in mine if each in TOPICS],
+        ros_arguments=['--log-level', given['log_level']],
+        respawn=_flag('respawn', given),
+        respawn_delay=SECONDS_TO_RESPAWN,
+        output='screen',
+        **options,
     )
 
 
-def _value(context: LaunchContext, name: str, kind: type) -> ParameterValue:
-    """Return an argument as a parameter of a type; ConfigError if it is of another."""
-    found = ParameterValue(LaunchConfiguration(name), value_type=kind)
-    try:
-        found.evaluate(context)
-    except ValueError:
-        given = LaunchConfiguration(name).perform(context)
-        raise ConfigError(f'{name} must be {KINDS[kind]}, not {given}; correct it.') from None
-    return found
+def _flag(name: str, given: Mapping[str, str]) -> bool:
+    flags = {'true': True, 'false': False}
+    if (flag := flags.get(given[name].lower())) is None:
+        raise ConfigError(f'{name} must be true or false, not {given[name]}; correct it.')
+    return flag
+
+
+def _folder(path: str) -> str:
+    if not os.path.isdir(path):
+        raise ConfigError(f'folder must be a folder, not {path}; make it first.')
+    return path

@@ -6,35 +6,30 @@ from array import array
 from collections.abc import Mapping, Sequence
 import json
 import math
-from typing import Any, Protocol
+from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
+from control_msgs.msg import DynamicInterfaceGroupValues, DynamicJointState, InterfaceValue
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Inertia, InertiaStamped, Vector3
 import numpy as np
 from pal_statistics_msgs.msg import Statistic, Statistics
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from lip_id_ros.arrays import Array
-from lip_id_ros.signals.joints import PlannedPoint, Refusal, RefusedError
+from lip_id_ros.adaptation.updates import Update
+from lip_id_ros.arrays import Array, BoolArray
+from lip_id_ros.feedforward.server import Server
+from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.status import Status
 from lip_id_ros.signals.trajectory_header import read_header
 
-
-class Filler(Protocol):
-    """What answers plans: an arm of `serve`, or its server."""
-
-    def time_scale(self, names: Sequence[str], points: Sequence[PlannedPoint]) -> float:
-        """Return the factor on the times of a plan."""
-
-    def plan(self, names: Sequence[str], points: Sequence[PlannedPoint]) -> Array:
-        """Return the efforts of a plan."""
-
-
 NANOSECONDS = 1_000_000_000
 
-MOST_SECONDS = 2**31 - 1
-"""Of a Duration."""
+MOST_SECONDS = 2.0**31
+"""Beyond those of a Duration."""
+
+INERTIAS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 
 
 def stamp_at(nanoseconds: int) -> Time:
@@ -69,55 +64,91 @@ def joint_state_message(
     return message
 
 
+def update_message(stamp: Time, source: str, update: Update) -> DynamicInterfaceGroupValues:
+    """Return an update of a node, by its full name, in one group: the hash of the model."""
+    message = DynamicInterfaceGroupValues(interface_groups=[update.model])
+    message.header.stamp, message.header.frame_id = stamp, source
+    names, values = update.interface
+    message.interface_values = [InterfaceValue(interface_names=names, values=doubles(values))]
+    return message
+
+
+def inertia_message(
+    stamp: Time, frame: str, mass: float, centre: Array, inertia: Array
+) -> InertiaStamped:
+    """Return a mass, its centre (3,) and the inertia about it, as `INERTIAS`."""
+    about_centre = dict(zip(INERTIAS, inertia.tolist(), strict=True))
+    x, y, z = centre.tolist()
+    message = InertiaStamped(inertia=Inertia(m=mass, com=Vector3(x=x, y=y, z=z), **about_centre))
+    message.header.stamp, message.header.frame_id = stamp, frame
+    return message
+
+
+def inertia_values(inertia: Inertia) -> tuple[float, Array, Array]:
+    """Return mass, centre of mass (3,) and inertia about it (6,)."""
+    centre = np.array([inertia.com.x, inertia.com.y, inertia.com.z])
+    return inertia.m, centre, np.array([getattr(inertia, name) for name in INERTIAS])
+
+
+def joint_values_message(
+    stamp: Time, names: Sequence[str], values: Mapping[str, Array | BoolArray]
+) -> DynamicJointState:
+    """Return named values of joints, each of shape (n,)."""
+    message = DynamicJointState(joint_names=list(names))
+    message.header.stamp = stamp
+    message.interface_values = [
+        InterfaceValue(interface_names=list(values), values=doubles(row))
+        for row in np.stack(list(values.values()), axis=1, dtype=np.float64)
+    ]
+    return message
+
+
+def any_joint(message: DynamicJointState, name: str) -> bool:
+    """Return whether a named value is not zero at any joint."""
+    return any(
+        value != 0.0
+        for each in message.interface_values
+        for key, value in zip(each.interface_names, each.values, strict=False)
+        if key == name
+    )
+
+
 def plan_message(
-    names: Sequence[str], t: Array, q: Array, dq: Array, ddq: Array
+    names: Sequence[str], t: Array, q: Array, dq: Array, ddq: Array, tau: Array | None = None
 ) -> JointTrajectory:
-    """Return states (N, n) of joints, at times (N,) from the start [s], as a trajectory."""
+    """
+    Return states (N, n) of joints, at times (N,) from the start [s], as a trajectory.
+
+    Velocities and accelerations that are nan are left out. `tau`: efforts (N, n) [N m or N].
+    """
     message = JointTrajectory(joint_names=list(names))
-    for at, *values in zip(t, q, dq, ddq, strict=True):
+    for row, at in enumerate(t.tolist()):
         sec, nanosec = divmod(round(NANOSECONDS * at), NANOSECONDS)
         point = JointTrajectoryPoint(time_from_start=Duration(sec=sec, nanosec=nanosec))
-        point.positions, point.velocities, point.accelerations = map(doubles, values)
+        point.positions = doubles(q[row])
+        if not np.isnan(dq[row]).any():
+            point.velocities = doubles(dq[row])
+        if not np.isnan(ddq[row]).any():
+            point.accelerations = doubles(ddq[row])
+        if tau is not None:
+            point.effort = doubles(tau[row])
         message.points.append(point)
     return message
 
 
-def with_effort(plan: JointTrajectory, tau: Array) -> JointTrajectory:
-    """Fill torques (points, joints) [N m or N] in the order of its joint_names into a plan."""
-    for point, effort in zip(plan.points, tau, strict=True):
-        point.effort = doubles(effort)
-    return plan
-
-
-def slow_down(plan: JointTrajectory, scale: float) -> JointTrajectory:
+def filled_plan(asked: JointTrajectory, server: Server, **options: Any) -> JointTrajectory:
     """
-    Give a plan `scale` times its time on the same way; it is changed and returned.
+    Return a plan with efforts, and with the points and the times that `serve` gives it.
 
-    RefusedError if a message cannot hold its end: the seconds would begin at the least again.
-
+    `options`: of `Server.plan`. RefusedError if it cannot be filled.
     """
-    if plan.points and scale * (plan.points[-1].time_from_start.sec + 1) > MOST_SECONDS:
+    found = server.plan(asked.joint_names, asked.points, **options)
+    if found.plan.t[-1] >= MOST_SECONDS:
         raise RefusedError(Refusal.OVERLOAD)
-    for point in plan.points:
-        after = point.time_from_start
-        later = round(scale * (NANOSECONDS * after.sec + after.nanosec))
-        after.sec, after.nanosec = divmod(later, NANOSECONDS)
-        point.velocities = doubles(np.asarray(point.velocities) / scale)
-        point.accelerations = doubles(np.asarray(point.accelerations) / scale**2)
-    return plan
-
-
-def filled(plan: JointTrajectory, arm: Filler) -> JointTrajectory:
-    """
-    Return a plan with efforts, slowed down where the policy of `serve` asks for that.
-
-    RefusedError if it cannot be filled; it is changed otherwise.
-
-    """
-    scale = arm.time_scale(plan.joint_names, plan.points)
-    if scale > 1.0:
-        slow_down(plan, scale)
-    return with_effort(plan, arm.plan(plan.joint_names, plan.points))
+    plan, (q, dq, ddq) = found.plan, found.plan.states
+    message = plan_message(plan.joint_names, plan.t, q, dq, ddq, found.tau)
+    message.header = asked.header
+    return message
 
 
 def count_points(raw: bytes) -> int:

@@ -7,22 +7,19 @@ import time
 from typing import Any
 
 from action_msgs.msg import GoalStatus
-from action_msgs.srv import CancelGoal
+from control_msgs.action import FollowJointTrajectory
 import numpy as np
 from rcl_interfaces.srv import GetParameters
 import rclpy
-from rclpy.action import ActionClient
 from rclpy.task import Future
+from unique_identifier_msgs.msg import UUID
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.excitation.trajectory_file import Trajectory
 from lip_id_ros.nodes import messages
-from lip_id_ros.nodes.goals import action_type
+from lip_id_ros.nodes.controller import Controller, LONGEST_ANSWER_S, new_goal_id
 from lip_id_ros.nodes.node import NodeBase
-
-LONGEST_ANSWER_S = 5.0
-"""Controllers answer sooner."""
 
 LAST_ANSWER_S = 3.0
 """A node that ends waits so long for the controller: `launch` kills it after 10 s."""
@@ -49,12 +46,8 @@ class MotionGoal:
     Has a controller execute motions, one at a time, and hold the arm where one has ended early.
 
     `measured` returns where joints are, shape (n,), or None where that is not known now. `held`:
-    positions by name that the arm was last told to hold. `doubt`: a warning for the status, where
-    the controller may not have stopped a motion. It is empty where there is none; `on_news` is
-    called where either changes.
+    positions by name that the arm was last told to hold; `on_news` is called where that changes.
     """
-
-    doubt = ''
 
     def __init__(
         self,
@@ -64,30 +57,40 @@ class MotionGoal:
         on_news: Callable[[], None],
     ) -> None:
         self._node, self._measured, self._on_news = node, measured, on_news
-        self._kind = action_type()
-        self._action = node.resolve_service_name(action)
-        self._client = ActionClient(node, self._kind, self._action)
-        controller = self._action.rpartition('/')[0]
-        self._parameters = node.create_client(GetParameters, f'{controller}/get_parameters')
+        self._controller = Controller(node, action)
+        self._action = self._controller.action
+        name = self._action.rpartition('/')[0]
+        self._parameters = node.create_client(GetParameters, f'{name}/get_parameters')
         self.held: dict[str, float] = {}
         self._names: tuple[str, ...] = ()
         self._order: Sequence[str] | None = None
-        self._handle: Any = None
-        self._uncancelled_after = np.inf
-        self._sent: Future | None = None
-        self._ending: Future | None = None
+        self._goal_id: UUID | None = None  # of the motion that runs
+        self._holding: Future | None = None
+        self._is_not_held = False
         self._sent_at, self._accepted_at, self._takes_s = 0.0, np.inf, 0.0
+
+    @property
+    def doubt(self) -> str:
+        """A warning where the controller may not have stopped a motion, or empty."""
+        found = self._controller.warnings()
+        if self._is_not_held:
+            found.append(
+                f'the controller of {self._action} has refused to hold the arm where it was '
+                'measured: stop the arm by other means'
+            )
+        return ''.join(f'; {each}' for each in found)
 
     def forget(self) -> None:
         """Forget what was in doubt: somebody has looked at the arm."""
-        self.doubt, self._uncancelled_after, self.held = '', np.inf, {}
+        self._is_not_held, self.held = False, {}
 
     def missing(self) -> str | None:
         """Return why no motion can begin, or None."""
-        if not self._client.server_is_ready():
+        if not self._controller.is_offered:
             return f'no controller offers {self._action}; activate it'
-        controllers = self._node.count_services(f'{self._action}/_action/send_goal')
-        if controllers > 1:
+        if not self._controller.is_settled:
+            return f'the controller of {self._action} has not cancelled a motion before'
+        if (controllers := self._controller.n_offering) > 1:
             return (
                 f'{controllers} controllers offer {self._action}, and each would execute the '
                 'motion; end all but one'
@@ -130,26 +133,33 @@ class MotionGoal:
         """Have a motion executed to its end; HaltError where the controller ends it otherwise."""
         # a controller may take no notice of names
         self._names, t, *states = planned.in_order(self._order or planned.joint_names)
-        goal = self._kind.Goal(trajectory=messages.plan_message(self._names, t, *states))
+        goal = FollowJointTrajectory.Goal(
+            trajectory=messages.plan_message(self._names, t, *states)
+        )
         self._sent_at, self._accepted_at = self._now_s(), np.inf
-        self._takes_s = float(t[-1])
-        self._sent = sent = self._client.send_goal_async(goal)
-        try:
-            handle = await until(sent, LONGEST_ANSWER_S, self._action)
-        except HaltError:
-            sent.add_done_callback(self._on_late_answer)
-            raise
-        self._sent = None
+        self._takes_s, self._goal_id = float(t[-1]), new_goal_id()
+        sent = self._send(goal, self._goal_id)
+        handle = await until(sent, LONGEST_ANSWER_S, self._action)
         if not handle.accepted:
+            self._goal_id = None
             raise HaltError(f'the controller of {self._action} has rejected the motion')
-        self._handle, self._accepted_at = handle, self._now_s()
-        try:
-            answer = await until(handle.get_result_async())
-        finally:
-            self._handle = None
+        self._accepted_at = self._now_s()
+        answer = await until(handle.get_result_async())
+        self._goal_id = None
         if (reason := self._ended_otherwise(answer)) is not None:
             self._hold()
             raise HaltError(reason)
+
+    def _send(self, goal: Any, goal_id: UUID) -> Future:
+        """Send a goal; it is cancelled again where it is accepted after it was halted."""
+        sent = self._controller.send(goal, goal_id)
+
+        def on_answer(answer: Future) -> None:
+            if answer.result().accepted and self._goal_id != goal_id:
+                self._controller.cancel(goal_id)
+
+        sent.add_done_callback(on_answer)
+        return sent
 
     def _ended_otherwise(self, answer: Any) -> str | None:
         """Return how the controller has ended the motion, if not at its end and in time."""
@@ -166,83 +176,48 @@ class MotionGoal:
 
     def halt(self) -> None:
         """Have the controller cancel the motion that runs, and hold the arm where it is then."""
-        if self._handle is not None:
-            self._cancel(self._handle)
+        if self._goal_id is not None:
+            done = self._controller.cancel(self._goal_id, on_refused=self._hold)
+            done.add_done_callback(lambda _: self._hold())
+            self._goal_id = None
 
     def stop(self) -> None:
-        """Wait until the controller has heard that it shall cancel a motion, and hold the arm."""
+        """Wait until the controller has cancelled a motion, and holds the arm."""
         until = time.monotonic() + LAST_ANSWER_S
-        sent = self._sent
-        if sent is not None:  # the controller may still begin it
-            rclpy.spin_until_future_complete(self._node, sent, timeout_sec=LAST_ANSWER_S)
-            if self._sent is not None and sent.done():
-                self._on_late_answer(sent)
-        if self._ending is not None:
-            left = max(0.0, until - time.monotonic())
-            rclpy.spin_until_future_complete(self._node, self._ending, timeout_sec=left)
+        while time.monotonic() < until and not (
+            self._controller.is_settled and (self._holding is None or self._holding.done())
+        ):
+            rclpy.spin_once(self._node, timeout_sec=LATE_S)
+        self._controller.destroy()
 
     def watch(self, moving: bool) -> str | None:
         """Return why a motion must be halted, or None; called again and again."""
-        if time.monotonic() > self._uncancelled_after:
-            self._uncancelled_after = np.inf
-            self._tell(f'has not said in {LONGEST_ANSWER_S:g} s whether it ends the motion')
-        if moving and not self._client.server_is_ready():
-            return f'the controller of {self._action} has ended'
+        self._controller.watch()
+        if moving and not self._controller.is_offered:
+            return f'the controller of {self._action} is gone'
         late = self._now_s() - self._accepted_at - self._takes_s
         if moving and late > LONGEST_ANSWER_S:
             return f'the controller has not ended the motion {late:.3g} s after its time'
         return None
 
-    def _cancel(self, handle: Any) -> None:
-        self._uncancelled_after = time.monotonic() + LONGEST_ANSWER_S
-        self._ending = Future(executor=self._node.executor)
-        handle.cancel_goal_async().add_done_callback(self._on_cancelled)
-
-    def _on_cancelled(self, answer: Future) -> None:
-        self._uncancelled_after = np.inf
-        if answer.exception() is not None or not _is_cancelled(answer.result()):
-            self._tell('has refused to cancel the motion')
-        self._hold()
-
     def _hold(self) -> None:
         """Have the arm hold where it was measured: its last reference may be far from that."""
         position = self._measured(self._names)
         if position is None:  # the controller holds the arm as its settings have it
-            self._has_ended()
             return
         still = np.zeros((1, len(self._names)))
         plan = messages.plan_message(self._names, np.array([HOLD_S]), position[None], still, still)
-        sent = self._client.send_goal_async(self._kind.Goal(trajectory=plan))
-        sent.add_done_callback(self._on_held)
+        goal = FollowJointTrajectory.Goal(trajectory=plan)
+        self._holding = self._controller.send(goal, new_goal_id())
+        self._holding.add_done_callback(self._on_held)
         self.held = dict(zip(self._names, position.tolist(), strict=True))
         self._on_news()
 
     def _on_held(self, answer: Future) -> None:
         if answer.exception() is not None or not answer.result().accepted:
-            self.held = {}
-            self._tell('has refused to hold the arm where it was measured')
-        self._has_ended()
-
-    def _has_ended(self) -> None:
-        if self._ending is not None and not self._ending.done():
-            self._ending.set_result(None)
-
-    def _on_late_answer(self, sent: Future) -> None:
-        self._sent = None
-        if sent.exception() is None and sent.result().accepted:
-            self._cancel(sent.result())
-
-    def _tell(self, why: str) -> None:
-        sentence = f'the controller of {self._action} {why}: stop the arm by other means'
-        self.doubt += f'; {sentence}'
-        self._node.get_logger().error(sentence)
-        self._on_news()
+            self.held, self._is_not_held = {}, True
+            self._node.get_logger().error(self.doubt.removeprefix('; '))
+            self._on_news()
 
     def _now_s(self) -> float:
         return 1e-9 * float(self._node.get_clock().now().nanoseconds)
-
-
-def _is_cancelled(response: Any) -> bool:
-    # rclpy's servers refuse without an error code
-    ended = response.return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED
-    return bool(ended or response.goals_canceling)

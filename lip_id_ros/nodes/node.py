@@ -17,13 +17,14 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from lip_id_ros.errors import LipIdError
+from lip_id_ros.errors import ConfigError, LipIdError
 from lip_id_ros.nodes import messages, parameters, qos
 from lip_id_ros.settings import Row
 from lip_id_ros.signals.joints import HARMLESS, RefusedError
 from lip_id_ros.signals.status import Level, Status
+from lip_id_ros.signals.streams import Streams
 
 STATUS_PERIOD_S = 0.5
 
@@ -40,14 +41,16 @@ class NodeBase(Node):
     success. Refusals are not such exceptions: they are handled where they arise.
 
     The status is latched on ~/status where it changes, and goes to /diagnostics twice a second.
-    InvalidParameterValueException or ConfigError if a parameter is given that is wrong or unknown.
+    `**options`: those of `rclpy.node.Node`, of every node of the package too. ConfigError if a
+    parameter is given that is wrong or unknown.
     """
 
     faults = n_callbacks = 0
     last_fault = ''
 
-    def __init__(self, name: str, table: Mapping[str, Row]) -> None:
-        super().__init__(name)
+    def __init__(self, name: str, table: Mapping[str, Row], **options: Any) -> None:
+        self._streams = Streams()
+        super().__init__(name, **{'enable_logger_service': True, **options})
         self._table = table
         self._logged: dict[str, float] = {}
         parameters.declare(self, table)
@@ -70,7 +73,7 @@ class NodeBase(Node):
 
     def warnings(self) -> list[str]:
         """Describe what is wrong around the node, such as publishers that do not fit."""
-        return [*qos.misfits(self), *self._missing_clock()]
+        return [*qos.misfits(self), *qos.without_effect(self), *self._missing_clock()]
 
     def stop(self) -> None:
         """Release the robot and keep the data; the node can still publish."""
@@ -89,11 +92,15 @@ class NodeBase(Node):
     def set_parameters_atomically(
         self, parameter_list: Sequence[Parameter]
     ) -> SetParametersResult:
-        """Set parameters; one that there is not is refused by its name, which rclpy leaves out."""
+        """Set parameters in the types of their rows; a refusal names the parameter."""
         for each in parameter_list:
             if not self.has_parameter(each.name):
                 return parameters.refused(parameters.unknown(each.name, self._table))
-        return super().set_parameters_atomically(parameter_list)
+        try:
+            typed = [parameters.typed(self._table, each) for each in parameter_list]
+        except ConfigError as error:
+            return parameters.refused(error)
+        return super().set_parameters_atomically(typed)
 
     def values(self) -> dict[str, Any]:
         """Return the present value of every parameter."""
@@ -124,14 +131,18 @@ class NodeBase(Node):
     def publish_status(self) -> None:
         """Publish the status to /diagnostics, and to ~/status if anything changed."""
         status = self._with_warnings(self._with_faults(self.status()))
-        name = self.get_fully_qualified_name().lstrip('/')
-        message = messages.status_message(name, self._hardware, status)
+        message = self._message('status', status)
         if message != self._last_status:
             self._status.publish(message)
             self._last_status = message
-        diagnostics = DiagnosticArray(status=[message])
+        inputs = self._message('inputs', self._streams.status(time.monotonic()))
+        diagnostics = DiagnosticArray(status=[message, inputs])
         diagnostics.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(diagnostics)
+
+    def _message(self, task: str, status: Status) -> DiagnosticStatus:
+        name = self.get_fully_qualified_name().lstrip('/')
+        return messages.status_message(f'{name}: {task}', self._hardware, status)
 
     def warn_of_refusal(self, refused: RefusedError) -> None:
         """Log a refused message, for each reason at most every five seconds."""
@@ -148,12 +159,26 @@ class NodeBase(Node):
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Any, profile: QoSProfile, **options: Any
     ) -> Any:
-        """Create a guarded subscription."""
-        guarded = self._guarded(callback)
-        return super().create_subscription(msg_type, topic, guarded, profile, **options)
+        """Create a guarded subscription; ConfigError if its qos_overrides are wrong."""
+        guarded = self._guarded(self._counted(topic, callback, profile))
+        with qos.overriding(self, 'subscription', topic, profile) as given:
+            return super().create_subscription(msg_type, topic, guarded, **given, **options)
+
+    def destroy_subscription(self, subscription: Any) -> bool:
+        """Destroy a subscription, whose topic is no input any more."""
+        self._streams.remove(subscription.topic_name)
+        return bool(super().destroy_subscription(subscription))
+
+    def create_publisher(
+        self, msg_type: Any, topic: str, profile: QoSProfile, **options: Any
+    ) -> Any:
+        """Create a publisher; ConfigError if its qos_overrides are wrong."""
+        with qos.overriding(self, 'publisher', topic, profile) as given:
+            return super().create_publisher(msg_type, topic, **given, **options)
 
     def create_service(self, srv_type: Any, srv_name: str, callback: Any, **options: Any) -> Any:
-        """Create a guarded service."""
+        """Create a guarded service that loses no call."""
+        options.setdefault('qos_profile', qos.CALLS)
         return super().create_service(srv_type, srv_name, self._guarded(callback), **options)
 
     def create_timer(
@@ -189,6 +214,20 @@ class NodeBase(Node):
             return False
         self._logged[key] = now
         return True
+
+    def _counted(self, topic: str, callback: Any, profile: QoSProfile) -> Any:
+        """Return a callback whose messages are an input of the diagnostics, unless latched."""
+        if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+            return callback
+        lasting = profile.reliability == ReliabilityPolicy.BEST_EFFORT
+        stream = self._streams.add(self.resolve_topic_name(topic), lasting)
+
+        @functools.wraps(callback)
+        def counted(*arguments: Any) -> Any:
+            stream.arrived(time.monotonic())
+            return callback(*arguments)
+
+        return counted
 
     def _guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:
         if inspect.iscoroutinefunction(callback):
@@ -228,13 +267,15 @@ class NodeBase(Node):
 
     def _check_parameters(self, changed: Sequence[Parameter]) -> SetParametersResult:
         try:
-            self.check_change(parameters.changed_values(self._table, changed))
+            if values := parameters.changed_values(self._table, changed):  # not those of rclpy
+                self.check_change(values)
         except LipIdError as error:
             return parameters.refused(error)
         return SetParametersResult(successful=True)
 
     def _apply_parameters(self, changed: Sequence[Parameter]) -> None:
-        self.apply_change(parameters.changed_values(self._table, changed))
+        if values := parameters.changed_values(self._table, changed):
+            self.apply_change(values)
 
     def _with_faults(self, status: Status) -> Status:
         values = {**status.values, 'faults': self.faults, 'last_fault': self.last_fault}

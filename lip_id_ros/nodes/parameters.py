@@ -16,6 +16,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.nodes import qos
 from lip_id_ros.settings import Row
 from lip_id_ros.settings.settings import AT_START, unknown_name
 
@@ -34,26 +35,48 @@ TYPES = {
 
 def declare(node: Node, table: Mapping[str, Row]) -> None:
     """
-    Declare every row of a table; from here on a wrong value is refused with a sentence.
+    Declare every row of a table in its type, with the value that the node was given.
 
-    InvalidParameterValueException if a value from a file or the command line is not allowed;
-    ConfigError for a name that is not in the table: a misspelt limit would stay at its default.
+    ConfigError if that is not allowed, or for a name that is not in the table: a misspelt limit
+    would stay at its default.
     """
-    node.add_on_set_parameters_callback(lambda changed: _check(table, changed))
-    node.add_pre_set_parameters_callback(
-        lambda changed: (
-            [_typed(table[each.name], each) for each in changed if each.name in table]
-            + [each for each in changed if each.name not in table]
-        )
+    given = node._parameter_overrides
+    for name in given:
+        if name not in table and not (node.has_parameter(name) or name.startswith(qos.OVERRIDES)):
+            raise unknown(name, table)
+    types = [(name, TYPES[row.kind], descriptor(row)) for name, row in table.items()]
+    node.declare_parameters('', types, ignore_override=True)
+    # set and not declared: rclpy would declare an empty list as one of bytes
+    node.set_parameters_atomically(
+        [
+            _initial(table, given.get(name) or Parameter(name, value=row.default))
+            for name, row in table.items()
+        ]
     )
-    overrides = node._parameter_overrides
-    for name in table.keys() & overrides.keys():
-        overrides[name] = _typed(table[name], overrides[name])
     for name, row in table.items():
-        node.declare_parameter(name, row.default, descriptor(row))
-        node._parameters[name] = _typed(row, node._parameters[name])
-        node._descriptors[name].type = node._parameters[name].type_.value
-    _refuse_unknown(node, table)
+        node.describe_parameter(name).read_only = row.applies == AT_START
+
+
+def _initial(table: Mapping[str, Row], parameter: Parameter) -> Parameter:
+    """Return a value from a file or the command line, where an empty list has no type."""
+    if parameter.value is None and table[parameter.name].kind.startswith('list'):
+        parameter = Parameter(parameter.name, value=[])
+    return typed(table, parameter)
+
+
+def typed(table: Mapping[str, Row], parameter: Parameter) -> Parameter:
+    """
+    Return a parameter in the type of its row, if any; ConfigError if its value is not allowed.
+
+    To ROS a whole number is no double, and an empty list is one of bytes or booleans.
+    """
+    row, value = table.get(parameter.name), parameter.value
+    if row is None:
+        return parameter
+    # a refusal would print an array as such
+    value = row.check(value.tolist() if isinstance(value, array) else value, parameter.name)
+    kind = TYPES[row.kind]
+    return Parameter(parameter.name, kind, list(value) if isinstance(value, tuple) else value)
 
 
 def values(node: Node, table: Mapping[str, Row]) -> dict[str, Any]:
@@ -62,17 +85,12 @@ def values(node: Node, table: Mapping[str, Row]) -> dict[str, Any]:
 
 
 def changed_values(table: Mapping[str, Row], changed: Sequence[Parameter]) -> dict[str, Any]:
-    """Return the values of those changed parameters that belong to a table, checked."""
+    """Return the values of those changed parameters that belong to a table."""
     return {
-        parameter.name: table[parameter.name].check(_plain(parameter.value), parameter.name)
-        for parameter in changed
-        if parameter.name in table
+        each.name: table[each.name].check(each.value, each.name)
+        for each in changed
+        if each.name in table
     }
-
-
-def _plain(value: Any) -> Any:
-    """Return a list for an array, which a refusal would print as such."""
-    return value.tolist() if isinstance(value, array) else value
 
 
 def refused(error: Exception) -> SetParametersResult:
@@ -86,17 +104,10 @@ def unknown(name: str, table: Mapping[str, Row]) -> ConfigError:
 
 
 def descriptor(row: Row) -> ParameterDescriptor:
-    """
-    Describe a parameter for ``ros2 param describe`` and rqt.
-
-    Typing is dynamic because ROS takes ``4`` for another type than ``4.0``, and an empty list for
-    one of bytes; the row checks the type instead.
-    """
+    """Describe a parameter for ``ros2 param describe`` and rqt."""
     return ParameterDescriptor(
         description=f'{row.description} [{row.unit}]' if row.unit else row.description,
         additional_constraints=row.expected,
-        read_only=row.applies == AT_START,
-        dynamic_typing=True,
         integer_range=_integer_range(row),
         floating_point_range=_floating_point_range(row),
     )
@@ -116,35 +127,3 @@ def _floating_point_range(row: Row) -> list[FloatingPointRange]:
     low = float('-inf') if row.minimum is None else row.minimum
     high = float('inf') if row.maximum is None else row.maximum
     return [FloatingPointRange(from_value=low, to_value=high)]
-
-
-def _check(table: Mapping[str, Row], changed: Sequence[Parameter]) -> SetParametersResult:
-    try:
-        changed_values(table, changed)
-    except ConfigError as error:
-        return refused(error)
-    return SetParametersResult(successful=True)
-
-
-def _typed(row: Row, parameter: Parameter) -> Parameter:
-    """
-    Return a parameter with the type of its row where ROS cannot know it.
-
-    An empty list has the type of a list of bytes, or none at all where it comes from a file or
-    the command line; a whole number is no double.
-    """
-    kind, value = TYPES[row.kind], parameter.value
-    listed = isinstance(value, (list, tuple, array))
-    if row.kind.startswith('list') and (value is None or (listed and not value)):
-        return Parameter(parameter.name, kind, [])
-    if row.kind == 'float' and type(value) is int:
-        return Parameter(parameter.name, kind, float(value))
-    if row.kind == 'list of float' and listed and all(type(each) is int for each in value):
-        return Parameter(parameter.name, kind, [float(each) for each in value])
-    return parameter
-
-
-def _refuse_unknown(node: Node, table: Mapping[str, Row]) -> None:
-    for name in node._parameter_overrides:
-        if not node.has_parameter(name) and not name.startswith('qos_overrides.'):
-            raise unknown(name, table)

@@ -1,5 +1,8 @@
 """Quality of service of every topic, each with its reason."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from copy import copy
 from typing import Any
 
 from rclpy.node import Node
@@ -8,9 +11,13 @@ from rclpy.qos import (
     HistoryPolicy,
     qos_check_compatible,
     QoSCompatibility,
+    QoSPolicyKind,
     QoSProfile,
     ReliabilityPolicy,
 )
+from rclpy.qos_overriding_options import QoSOverridingOptions
+
+from lip_id_ros.errors import ConfigError, one_line
 
 SENSOR_STREAM = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=2000
@@ -38,16 +45,24 @@ desired_trajectory: a lost plan is a robot that does not move. Deep, so that a b
 loses no plan; with 100, a tenth of a second on a loaded machine did.
 """
 
-OUTPUT = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1000
+COMMAND = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1
 )
-"""Torques and energies: reliable, so that any subscriber matches; as deep as references."""
+"""
+Torques: the newest counts. It has no lifespan, since the last zero must reach a controller however
+late that is.
+"""
+
+OUTPUT = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=100
+)
+"""What is recorded and plotted, and plans: reliable, so that any subscriber matches."""
 
 CALLS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1000
 )
 """
-Services of actions: a request or an answer that finds the queue full is lost, and a goal with it.
+Services: a request or an answer that finds the queue full is lost, and with it a goal or a stop.
 The usual depth of 10 lost most of 70 that came at once.
 """
 
@@ -63,6 +78,43 @@ DIAGNOSTICS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=10
 )
 """/diagnostics, as everybody else publishes it."""
+
+
+OVERRIDES = 'qos_overrides.'
+"""How parameters begin that change the quality of one topic, as rclpy has them."""
+
+
+@contextmanager
+def overriding(
+    node: Node, entity: str, topic: str, profile: QoSProfile
+) -> Iterator[dict[str, Any]]:
+    """
+    Give the arguments with which a 'publisher' or 'subscription' takes the overrides given for it.
+
+    ConfigError where it cannot be created with them.
+    """
+    prefix = f'{OVERRIDES}{node.resolve_topic_name(topic)}.{entity}.'
+    given = [
+        kind for kind in QoSPolicyKind if prefix + kind.name.lower() in node._parameter_overrides
+    ]
+    try:  # rclpy writes into the profile
+        yield {'qos_profile': copy(profile), 'qos_overriding_options': QoSOverridingOptions(given)}
+    except Exception as error:
+        if not given:
+            raise
+        raise ConfigError(
+            f'{prefix}* must be policies of quality of service, as rclpy names them, but: '
+            f'{one_line(error)}; correct them.'
+        ) from error
+
+
+def without_effect(node: Node) -> list[str]:
+    """Describe overrides of topics, or of policies, that there are not."""
+    return [
+        f'{name} has no effect: the node has no such topic now, or ROS no such policy'
+        for name in node._parameter_overrides
+        if name.startswith(OVERRIDES) and not node.has_parameter(name)
+    ]
 
 
 def misfits(node: Node) -> list[str]:
@@ -94,7 +146,7 @@ def _type_name(message: Any) -> str:
 
 def several_publishers(node: Node, topic: str) -> list[str]:
     """Describe the publishers of a topic, by its full name, if there is more than one."""
-    names = [each.node_name for each in node.get_publishers_info_by_topic(topic)]
-    if len(names) < 2:
+    if node.count_publishers(topic) < 2:  # a tenth of the time
         return []
+    names = [each.node_name for each in node.get_publishers_info_by_topic(topic)]
     return [f'{len(names)} publishers of {topic} may contradict each other: {", ".join(names)}']

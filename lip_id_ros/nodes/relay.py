@@ -1,183 +1,128 @@
-"""The action of a controller, and goals of `serve` that it executes."""
+"""A goal of `serve` that its controller executes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 from typing import Any
 
-from action_msgs.msg import GoalInfo, GoalStatus
+from action_msgs.msg import GoalStatus
 from rclpy.task import Future
 
 from lip_id_ros.feedforward import goals
-from lip_id_ros.feedforward.goals import Ending, Outcome, Relayed, WatchedTime
-from lip_id_ros.nodes import qos
-from lip_id_ros.nodes.node import NodeBase
+from lip_id_ros.feedforward.goals import Ending, Outcome
+from lip_id_ros.nodes.controller import Controller, LONGEST_ANSWER_S
 
 ENDINGS = {
     GoalStatus.STATUS_SUCCEEDED: Ending.SUCCEEDED,
     GoalStatus.STATUS_CANCELED: Ending.CANCELED,
     GoalStatus.STATUS_ABORTED: Ending.ABORTED,
 }
-ENCAPSULATION, UUID_BYTES, STAMP_BYTES = 4, 16, 8
+
+LONGEST_STEP_S = 0.2
+"""The watch looks more often, unless the node is held up."""
+
+ASK_AGAIN_S = 2.0
+"""A result that has not come so long after its goal ended was lost: ask the controller again."""
 
 
-class ControllerAction:
-    """
-    The services and topics of a controller's action.
+class WatchedTime:
+    """Seconds `now` that were watched: while the node stood still, answers waited in its queue."""
 
-    `kind`: its type. `name`: its full name. `time`: by which its goals are watched.
-    rclpy's own client makes objects of every list of goals, which the controller publishes at each
-    change: of all goals of 15 minutes, 10 ms for 400 of them. Here lists and feedback stay bytes.
-    """
+    def __init__(self) -> None:
+        self.now = 0.0
+        self._last = math.inf
 
-    def __init__(
-        self, node: NodeBase, kind: Any, name: str, on_feedback: Callable[[bytes], None]
-    ) -> None:
-        self.name = name
-        self._node, self._kind = node, kind.Impl
-        self.time = WatchedTime()
-        self._statuses = b''
-        topics = f'{name}/_action'
-        self._send, self._result, self._cancel = self._clients = [
-            node.create_client(service, f'{topics}/{call}', qos_profile=qos.CALLS)
-            for call, service in (
-                ('send_goal', self._kind.SendGoalService),
-                ('get_result', self._kind.GetResultService),
-                ('cancel_goal', self._kind.CancelGoalService),
-            )
-        ]
-        self._status_topic = f'{topics}/status'
-        self._subscriptions = [
-            node.create_subscription(kind, topic, callback, profile, raw=True)
-            for kind, topic, callback, profile in (
-                (self._kind.FeedbackMessage, f'{topics}/feedback', on_feedback, qos.OUTPUT),
-                (self._kind.GoalStatusMessage, self._status_topic, self._on_status, qos.LATCHED),
-            )
-        ]
-
-    def servers(self) -> frozenset[bytes]:
-        """Return who offers the whole action, by identities: one that was restarted is another."""
-        if not all(each.service_is_ready() for each in self._clients):
-            return frozenset()
-        infos = self._node.get_publishers_info_by_topic(self._status_topic)
-        return frozenset(bytes(info.endpoint_gid) for info in infos)
-
-    def send(self, goal_id: Any, goal: Any) -> Future:
-        """Ask for the execution of a goal."""
-        return self._send.call_async(
-            self._kind.SendGoalService.Request(goal_id=goal_id, goal=goal)
-        )
-
-    def ask_for_result(self, goal_id: Any) -> Future:
-        """Ask for the result of a goal, which is answered at its end."""
-        return self._result.call_async(self._kind.GetResultService.Request(goal_id=goal_id))
-
-    def cancel(self, goal_id: Any) -> None:
-        """Ask to cancel a goal."""
-        info = GoalInfo(goal_id=goal_id)
-        self._cancel.call_async(self._kind.CancelGoalService.Request(goal_info=info))
-
-    def is_over(self, goal_id: Any) -> bool:
-        """Whether a goal has ended by the newest list."""
-        return status_of(self._statuses, bytes(goal_id.uuid)) in ENDINGS
-
-    def is_executed(self, goal_id: Any) -> bool:
-        """Whether a goal is executed by the newest list, and not being cancelled."""
-        status = status_of(self._statuses, bytes(goal_id.uuid))
-        return status == int(GoalStatus.STATUS_EXECUTING)
-
-    def destroy(self) -> None:
-        """Release what belongs to the node."""
-        for client in self._clients:
-            self._node.destroy_client(client)
-        for subscription in self._subscriptions:
-            self._node.destroy_subscription(subscription)
-
-    def _on_status(self, raw: bytes) -> None:
-        self._statuses = raw
-
-
-def status_of(statuses: bytes, goal_id: bytes) -> int:
-    """Return the status of a goal in a serialised GoalStatusArray; unknown where it is not."""
-    at = statuses.find(goal_id)
-    if at < 0:
-        return int(GoalStatus.STATUS_UNKNOWN)
-    stamp = (at + UUID_BYTES + 3) & ~3  # aligned
-    return int(statuses[stamp + STAMP_BYTES])
-
-
-def goal_of_feedback(raw: bytes) -> bytes:
-    """Return the identity of the goal that a serialised feedback is of."""
-    return raw[ENCAPSULATION : ENCAPSULATION + UUID_BYTES]
+    def advance(self, steady: float) -> None:
+        """Let the time go on to that of a steady clock; of a pause little counts."""
+        self.now += max(0.0, min(steady - self._last, LONGEST_STEP_S))
+        self._last = steady
 
 
 class Relay:
-    """One goal at the controller: `handle` is the client's, `finish` takes its end."""
+    """
+    One goal at the controller: `handle` is the client's, `finish` takes its end.
+
+    It ends once. Where the controller is lost or silent, the client hears of that, and the
+    controller is asked to cancel the goal until it answers.
+    """
 
     def __init__(
         self,
-        action: ControllerAction,
-        servers: frozenset[bytes],
+        controller: Controller,
+        time: WatchedTime,
         handle: Any,
         finish: Callable[[Relay, Outcome, Any], None],
     ) -> None:
         self.handle = handle
-        self._action, self._servers, self._finish = action, servers, finish
-        self._state = Relayed(self._action.time.now)
+        self._controller, self._time, self._finish = controller, time, finish
+        self._theirs: Any = None
+        self._sent_at, self._cancelled_at, self._over_at = time.now, math.inf, math.inf
+        self._has_ended = False
 
     def send(self) -> None:
         """Hand the goal to the controller."""
-        answer = self._action.send(self.handle.goal_id, self.handle.request)
-        answer.add_done_callback(self._on_answer)
+        asked = self._controller.send(self.handle.request, self.handle.goal_id, self._on_feedback)
+        asked.add_done_callback(self._on_answer)
 
     def cancel(self) -> None:
-        """Have the controller cancel the goal, once it has it."""
-        if self._state.cancel(self._action.time.now):
-            self._action.cancel(self.handle.goal_id)
+        """Have the controller cancel the goal."""
+        self._controller.cancel(self.handle.goal_id).add_done_callback(self._on_cancelled)
 
     def release(self) -> None:
-        """End the goal here, and have the controller cancel it, if it has not answered too."""
-        self._state.cancel(self._action.time.now)
-        # its answer may come when this node is no more; it looks at goals before cancels
-        self._action.cancel(self.handle.goal_id)
-        self._end(goals.released())
+        """End the goal here, and have the controller cancel it."""
+        self._give_up(goals.released())
 
-    def watch(self, servers: frozenset[bytes]) -> None:
+    def watch(self) -> None:
         """End the goal where the controller is lost or silent; ask again for a lost result."""
-        action, now = self._action.name, self._action.time.now
-        if not self._servers & servers:
-            self._end(goals.lost(action, 'has ended'))
-        elif self._state.is_silent(now):
-            self._end(goals.lost(action, 'has not answered'))
-        elif self._state.is_forgotten(now):
-            if self._action.is_executed(self.handle.goal_id):  # the request was lost or refused
-                self.cancel()
-            else:
-                self._end(goals.forgotten(action))
-        elif self._state.lacks_result(self._action.is_over(self.handle.goal_id), now):
+        controller, now = self._controller, self._time.now
+        if not controller.is_offered:
+            self._give_up(goals.lost(controller.action, 'is gone'))
+        elif self._theirs is None:
+            if now - self._sent_at > LONGEST_ANSWER_S:
+                self._give_up(goals.lost(controller.action, 'has not answered'))
+        elif now - self._cancelled_at > LONGEST_ANSWER_S:
+            self._end(goals.forgotten(controller.action))
+        elif self._theirs.status in ENDINGS:
+            self._over_at = min(self._over_at, now)
+            if now - self._over_at > ASK_AGAIN_S:
+                self._over_at = now
+                self._ask_for_result()
+
+    def _give_up(self, outcome: Outcome) -> None:
+        self._end(outcome)
+        self.cancel()
+
+    def _on_feedback(self, message: Any) -> None:
+        if not self._has_ended:
+            self.handle.publish_feedback(message.feedback)
+
+    def _on_answer(self, asked: Future) -> None:
+        theirs = asked.result()
+        if not theirs.accepted:
+            self._end(goals.rejected(self._controller.action))
+        elif self._has_ended:  # the cancel may have come before the goal
+            self.cancel()
+        else:
+            self._theirs = theirs
             self._ask_for_result()
 
-    def _on_answer(self, answer: Any) -> None:
-        if not answer.result().accepted:
-            self._end(goals.rejected(self._action.name))
+    def _on_cancelled(self, answered: Future) -> None:
+        if self._has_ended:
             return
-        if self._state.accept(self._action.time.now):
-            self._action.cancel(self.handle.goal_id)
-        if self._state.outcome is None:
-            self._ask_for_result()
+        self._cancelled_at = self._time.now
 
     def _ask_for_result(self) -> None:
-        asked = self._action.ask_for_result(self.handle.goal_id)
-        asked.add_done_callback(self._on_result)
+        self._theirs.get_result_async().add_done_callback(self._on_result)
 
-    def _on_result(self, answered: Any) -> None:
+    def _on_result(self, answered: Future) -> None:
         status, result = answered.result().status, answered.result().result
         if status in ENDINGS:
-            ending = ENDINGS[status]
-            self._end(Outcome(ending, result.error_code, result.error_string), result)
+            self._end(Outcome(ENDINGS[status], result.error_code, result.error_string), result)
         else:  # another controller of this name has never had the goal
-            self._end(goals.lost(self._action.name, 'has forgotten the goal'))
+            self._end(goals.lost(self._controller.action, 'has forgotten the goal'))
 
     def _end(self, outcome: Outcome, result: Any = None) -> None:
-        if self._state.end(outcome):
+        if not self._has_ended:
+            self._has_ended = True
             self._finish(self, outcome, result)

@@ -13,7 +13,7 @@ from types import FrameType
 from typing import Any, TypeVar
 
 import rclpy
-from rclpy.exceptions import InvalidParameterValueException, ParameterException
+from rclpy.exceptions import ParameterException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
@@ -67,9 +67,6 @@ def in_words(error: Exception) -> str:
     """Return the sentence of a `START_ERRORS`."""
     if isinstance(error, rclpy_implementation.UnknownROSArgsError):
         return f'there are no such ROS arguments: {error}; correct them.'
-    if isinstance(error, InvalidParameterValueException):
-        # rclpy puts the value before it and the name after
-        return str(error).partition('Reason: ')[2].rpartition(': ')[0]
     return one_line(error)
 
 

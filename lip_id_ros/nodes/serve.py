@@ -10,6 +10,7 @@ import time
 from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
+import rclpy
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -21,7 +22,6 @@ from lip_id_ros.feedforward.loading import (
     LoadedModel,
     require_payload,
     require_rules,
-    stop,
 )
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import (
@@ -38,37 +38,48 @@ from lip_id_ros.nodes.serve_inputs import Inputs
 from lip_id_ros.nodes.serve_outputs import Outputs
 from lip_id_ros.settings import parameters_of
 from lip_id_ros.signals.status import Status
-from lip_id_ros.signals.torque_steps import DESCRIBED, require_limits
+from lip_id_ros.signals.torque_steps import LimitsFrom, require_limits
 
 WATCH_PERIOD_S = 0.02
+SUCCESS = TransitionCallbackReturn.SUCCESS
+
+LAST_ANSWER_S = 3.0
+"""A node that ends waits so long for controllers: `launch` kills it after 10 s."""
 
 
 class ServeNode(NodeBase, LifecycleNode):
     """Managed node: a model is loaded on configure, references are answered while active."""
 
-    def __init__(self) -> None:
-        super().__init__('serve', parameters_of(ServeSettings))
+    def __init__(self, **options: Any) -> None:
+        super().__init__('serve', parameters_of(ServeSettings), **options)
         self._server = Server()
         self._models: dict[str, LoadedModel] = {}
         self._loaded: LoadedModel | None = None
         self._failure = ''
         self._description: Description | None = None
         self._limits: tuple[float, ...] = ()  # of the description, while active
-        self._starting = False
         self._n_configured = 0
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix='loading')
         self._outputs = Outputs(self)
         self._inputs = Inputs(self, self._server, self._outputs)
         self._make_services()
         self._guard_transitions()
-        if self._settings().autostart:
-            self._start()
+        if self._settings().autostart and self.trigger_configure() == SUCCESS:
+            self.trigger_activate()
 
     def stop(self) -> None:
-        """Release the robot and end the lifecycle."""
+        """Release the robot and end the lifecycle, once controllers have cancelled goals."""
+        self._inputs.release_goals()
+        self._await_cancels()
         if self._state_label != 'finalized':
             self.trigger_shutdown()
+        self._inputs.destroy()
         self._pool.shutdown()
+
+    def _await_cancels(self) -> None:
+        until = time.monotonic() + LAST_ANSWER_S
+        while not self._inputs.is_settled and time.monotonic() < until:
+            rclpy.spin_once(self, timeout_sec=WATCH_PERIOD_S)
 
     def warnings(self) -> list[str]:
         """Describe what is wrong around the node, several publishers of one topic too."""
@@ -79,10 +90,8 @@ class ServeNode(NodeBase, LifecycleNode):
         level, summary = self._server.judge(self._failure, time.monotonic())
         if self._server.active and (warning := unbounded(self._settings())):
             summary = f'{summary}; {warning}'
-        waiting = {'waiting': self._inputs.n_waiting, 'goals': self._inputs.goals.values()}
-        return Status(
-            level, summary, {'state': self._state_label, **waiting, **self._server.values()}
-        )
+        values = {'state': self._state_label, 'goals': self._inputs.goals.values()}
+        return Status(level, summary, {**values, **self._server.values()})
 
     @property
     def _state_label(self) -> str:
@@ -129,7 +138,7 @@ class ServeNode(NodeBase, LifecycleNode):
     def check_change(self, values: Mapping[str, Any]) -> None:
         """Refuse what would have no effect now, or does not fit the arm."""
         before = self._settings()
-        settings = self._in_numbers(replace(before, **values))
+        settings = self._in_numbers(ServeSettings(**{**self.values(), **values}))
         require_changeable(before, settings, self._state_label)
         require_rules(settings, self._loaded)
         if self._server.active:
@@ -150,7 +159,6 @@ class ServeNode(NodeBase, LifecycleNode):
 
     def _serve(self, loaded: LoadedModel, settings: ServeSettings) -> None:
         self._loaded = loaded
-        self._inputs.use(loaded, settings)
         if self._server.active:
             self._server.use(loaded, settings)
 
@@ -158,43 +166,36 @@ class ServeNode(NodeBase, LifecycleNode):
         return self._in_numbers(ServeSettings(**self.values()))
 
     def _in_numbers(self, settings: ServeSettings) -> ServeSettings:
-        if settings.torque_limits == DESCRIBED and self._limits:
-            return replace(settings, torque_limits=self._limits)
-        return settings
+        if settings.torque_limits_from != LimitsFrom.DESCRIPTION:
+            return settings
+        return replace(settings, torque_limits=self._limits)
 
     def _read_limits(self, joint_names: Sequence[str]) -> ServeSettings:
         self._limits = ()
         settings = self._settings()
         self._listen(settings)
-        if settings.torque_limits == DESCRIBED and self._description:
+        if settings.torque_limits_from == LimitsFrom.DESCRIPTION and self._description:
             self._limits = self._description.torque_limits(settings.joints or joint_names)
         return self._in_numbers(settings)
 
     def _listen(self, settings: ServeSettings) -> None:
-        if settings.torque_limits == DESCRIBED and self._description is None:
-            self._description = Description(self, settings.robot_description, self._go_on)
+        described = settings.torque_limits_from == LimitsFrom.DESCRIPTION
+        if described and self._description is None:
+            self._description = Description(self, settings.robot_description)
 
     # lifecycle
-
-    def _start(self) -> None:
-        self._starting = self.trigger_configure() == TransitionCallbackReturn.SUCCESS
-        self._go_on()
-
-    def _go_on(self) -> None:
-        """Activate at the start, if need be once a URDF comes."""
-        if self._starting and self._state_label == 'inactive':
-            self.trigger_activate()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Load the model; after a failure the node stays unconfigured and its status has why."""
         settings = self._settings()
         try:
-            self._inputs.configure(settings)
             self._models = load_models(settings, None)
             self._loaded = self._models[settings.payload]
             for loaded in self._models.values():
                 require_rules(settings, loaded)
-            self._inputs.use(self._loaded, settings)
+            self._outputs.configure(settings, self._loaded.joint_names)
+            self._inputs.configure(settings)
+            self._inputs.adjust(settings)
         except (LipIdError, OSError) as error:
             self._failure = f'not configured: {one_line(error)}'
             self.get_logger().error(self._failure)
@@ -203,7 +204,6 @@ class ServeNode(NodeBase, LifecycleNode):
         self._failure = ''
         self._listen(settings)
         self._n_configured += 1
-        self._outputs.configure(settings, self._loaded.joint_names)
         joints = ', '.join(self._loaded.joint_names)
         self.get_logger().info(f'serves {settings.model_path}: {joints}')
         return super().on_configure(state)
@@ -214,12 +214,12 @@ class ServeNode(NodeBase, LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         try:
             settings = self._read_limits(self._loaded.joint_names)
-            require_limits(settings.torque_limits)
+            require_limits('torque_limits', settings.torque_limits, settings.torque_limits_from)
         except LipIdError as error:
             self._failure = f'not activated: {error}'
             self.get_logger().error(self._failure)
             return TransitionCallbackReturn.FAILURE
-        self._failure, self._starting = '', False
+        self._failure = ''
         if warning := unbounded(settings):
             self.get_logger().warning(warning)
         self._server.use(self._loaded, settings)
@@ -261,10 +261,8 @@ class ServeNode(NodeBase, LifecycleNode):
         self._limits = ()
 
     def _forget(self) -> None:
-        self._starting = False
         self._inputs.clean_up()
         self._outputs.clean_up()
-        stop(self._models)
         self._models, self._loaded = {}, None
 
     # services
@@ -309,25 +307,18 @@ class ServeNode(NodeBase, LifecycleNode):
             raise LipIdError('there is no model to replace; configure the node instead.')
         models = await outcome(self, self._pool.submit(load_models, settings, before))
         if self._loaded is None or self._n_configured != configured:
-            stop(models)
             raise LipIdError(
                 'the node was cleaned up while the model was loaded; call reload_model again.'
             )
-        try:
-            for loaded in models.values():
-                require_rules(self._settings(), loaded)
-        except LipIdError:
-            stop(models)
-            raise
-        # another reload may have been faster: its models are replaced then
-        replaced, now = self._models, self._settings()
+        now = self._settings()
+        for loaded in models.values():
+            require_rules(now, loaded)
         self._models = models
         if now.payload not in models:  # changed meanwhile to one that was not to be loaded
             self.get_logger().warning(f'no payload: {now.payload} is not loaded any more')
             self.set_parameters([Parameter('payload', value='')])
             now = self._settings()
         self._serve(models[now.payload], now)
-        self._pool.submit(stop, replaced)
         return f'serves {settings.model_path}'
 
 

@@ -4,24 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
+from control_msgs.msg import DynamicInterfaceGroupValues, JointTrajectoryControllerState
 import numpy as np
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.feedforward.goals import GoalCounts
-from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.nodes import messages, qos
+from lip_id_ros.nodes.controller import Controller, SpeedScaling
 from lip_id_ros.nodes.goals import Goals
 from lip_id_ros.nodes.node import NodeBase
-from lip_id_ros.nodes.plans import Planned, Plans
 from lip_id_ros.nodes.serve_outputs import (
     COMPONENT_TOPICS,
     MEASURED_TOPICS,
@@ -30,15 +29,19 @@ from lip_id_ros.nodes.serve_outputs import (
     STD_TOPIC,
 )
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.signals.joint_states import AgeWatch, stamp_age
+from lip_id_ros.signals.ages import AgeWatch, StampOrder
 from lip_id_ros.signals.joints import Refusal, RefusedError
-from lip_id_ros.signals.trajectory_header import read_header
-
-INLINE_BYTES = 24 * 1024
-"""A longer plan, of about a hundred points of seven joints, is answered beside the stream."""
 
 Info = Mapping[str, Any]
 """What the middleware says of a message."""
+
+
+class Arrival(NamedTuple):
+    """How long ago a message was sent [s], and when by the clock of its sender [ns]."""
+
+    age: float
+    sent_ns: int
+
 
 LATE_S = 0.1
 """
@@ -56,14 +59,16 @@ class Inputs:
         self._references = server.counts.references
         self._outputs = outputs
         self._optional: list[Any] = []
-        self._plans = Plans(server)
         self._goals: Goals | None = None
+        self._controllers: list[Controller] = []  # that have something to cancel
         self._updates: Any = None
         self.goals = GoalCounts()
         self._settings = ServeSettings()
         self._is_contradicted = False
-        self._ages = AgeWatch()
-        # raw, since a plan that takes long is not deserialised here
+        self._ages, self._scaling = AgeWatch(), SpeedScaling()
+        self._order: dict[str, StampOrder] = {}  # by topic
+        self._answered_at: dict[str, float] = {}
+        # raw, so that neither a million names nor points are read
         self._trajectories = node.create_subscription(
             JointTrajectory,
             '~/desired_trajectory',
@@ -73,49 +78,53 @@ class Inputs:
         )
 
     def configure(self, settings: ServeSettings) -> None:
-        """Subscribe to what is asked for; ConfigError if a message type is not installed."""
+        """Subscribe to what is asked for; ConfigError if an input is an output too."""
         if settings.follow_controller:
-            kind = _controller_state()
+            kind = JointTrajectoryControllerState
             self._add(kind, '~/controller_state', self._on_controller_state)
         if settings.follow_joint_states:
             self._add(JointState, 'joint_states', self._on_joint_state)
+        both = {each.topic_name for each in self._inputs()} & self._outputs.topics()
+        if both:
+            raise ConfigError(
+                f'{both.pop()} must not be both an input and an output of this node; correct the '
+                'remapping.'
+            )
         if settings.follow_adaptation:
             self._updates = self._node.create_subscription(
-                String, 'adapt/update', self._on_update, qos.LATCHED
+                DynamicInterfaceGroupValues, 'adapt/update', self._on_update, qos.LATCHED
             )
         if settings.controller_action:
             action = settings.controller_action
-            self._goals = Goals(self._node, self._server, self._plans, self.goals, action)
+            self._goals = Goals(self._node, self._server, self.goals, action)
 
     def warnings(self) -> list[str]:
-        """Describe a missing controller, and topics with several publishers unless allowed."""
-        found = [] if self._goals is None else [self._goals.warnings()]
+        """Describe a missing controller, and what may contradict each other unless allowed."""
+        found = [] if self._goals is None else self._goals.warnings()
+        found += [each for one in self._asked() for each in one.warnings()]
         if self._settings.several_publishers != 'allow':
-            found += [qos.several_publishers(self._node, each) for each in self._single]
-        return [warning for warnings in found for warning in warnings]
+            found += self._contradictions()
+        return found
 
-    @property
-    def _single(self) -> list[str]:
-        return [each.topic_name for each in (self._trajectories, *self._optional)]
+    def _inputs(self) -> list[Any]:
+        return [self._trajectories, *self._optional]
 
-    def use(self, loaded: LoadedModel, settings: ServeSettings) -> None:
-        """Answer plans beside the stream by this model from now on."""
-        self._plans.use(loaded)
-        self.adjust(settings)
+    def _contradictions(self) -> list[str]:
+        """Describe topics with several publishers, and references from several topics."""
+        topics = [*(each.topic_name for each in self._inputs()), *self._outputs.commands()]
+        found = [each for topic in topics for each in qos.several_publishers(self._node, topic)]
+        since = time.monotonic() - (self._settings.stale_timeout_s or np.inf)
+        sources = [topic for topic, at in self._answered_at.items() if at >= since]
+        if len(sources) > 1:
+            found.append(f'references come from {" and ".join(sources)} and may contradict')
+        return found
 
     def adjust(self, settings: ServeSettings) -> None:
-        """Answer plans by these settings."""
+        """Answer by these settings."""
         self._settings = settings
-        self._plans.adjust(settings)
-
-    @property
-    def n_waiting(self) -> int:
-        """How many plans and goals are being answered beside the stream."""
-        return self._plans.n_waiting
 
     def clean_up(self) -> None:
         """Unsubscribe from what `configure` subscribed to."""
-        self._plans.stop()
         for subscription in self._optional:
             self._node.destroy_subscription(subscription)
         self._optional.clear()
@@ -124,7 +133,22 @@ class Inputs:
             self._updates = None
         if self._goals is not None:
             self._goals.destroy()
+            self._controllers.append(self._goals.controller)
             self._goals = None
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether controllers have cancelled all goals that they shall cancel."""
+        return all(each.is_settled for each in self._asked())
+
+    def _asked(self) -> list[Controller]:
+        served = [] if self._goals is None else [self._goals.controller]
+        return [*served, *self._controllers]
+
+    def destroy(self) -> None:
+        """Ask no controller any more."""
+        for each in self._controllers:
+            each.destroy()
 
     def release_goals(self) -> None:
         """Have the controller cancel the goals that it has by this node."""
@@ -132,35 +156,29 @@ class Inputs:
             self._goals.release()
 
     def watch(self) -> None:
-        """Publish the safe torque where references have stopped, and what was computed beside."""
-        self._watch_publishers()
+        """Publish the safe torque where references have stopped."""
+        self._watch_contradictions()
         if self._goals is not None:
             self._goals.watch()
+        for each in self._controllers:
+            each.watch()
+            if each.is_settled:
+                each.destroy()
+        self._controllers = [each for each in self._controllers if not each.is_settled]
         self._server.watch_updates(time.monotonic())
         tau = self._server.safe_torque(time.monotonic())
         if tau is not None:
             self._outputs.torque(self._now(), tau)
-        self._publish_deviation()
-        self._plans.watch()
 
-    def _publish_deviation(self) -> None:
-        """Publish a standard deviation that was computed beside the stream."""
-        deviated = self._server.take_deviation()
-        if deviated is not None:
-            self._outputs.joints(STD_TOPIC, deviated.tag, deviated.std)
-
-    def _watch_publishers(self) -> None:
-        """Output zero where there are several publishers that are not to be answered."""
+    def _watch_contradictions(self) -> None:
+        """Output zero where several publishers or topics are not to be answered."""
         before, refuse = self._is_contradicted, self._settings.several_publishers == 'refuse'
-        self._is_contradicted = refuse and any(
-            self._node.count_publishers(each) > 1 for each in self._single
-        )
+        self._is_contradicted = refuse and bool(self._contradictions())
         if self._is_contradicted and not before:
             self._node.output_safe_torque()
 
     def publish_zero(self) -> None:
         """Publish zero torque: whoever holds the last command then holds none."""
-        self._plans.interrupt()
         if self._server.active and self._server.enabled:
             self._outputs.torque(self._now(), np.zeros(len(self._server.joint_names)))
 
@@ -170,58 +188,52 @@ class Inputs:
 
     def _on_trajectory(self, raw: bytes, info: Info) -> None:
         """Answer a reference; where it lags, all plans that wait and the newest sample."""
-        arrived = [(raw, self._age(info))]
+        arrived = [(raw, self._arrival(info))]
         overtaken: list[int] = []
-        if arrived[0][1] > LATE_S:
+        if arrived[0][1].age > LATE_S:
             waiting = self._node.arrived(self._trajectories)
-            arrived += [(each, self._age(its_info)) for each, its_info in waiting]
+            arrived += [(each, self._arrival(its_info)) for each, its_info in waiting]
             overtaken = [n for n, (each, _) in enumerate(arrived) if messages.is_sample(each)][:-1]
         self._references.received += len(arrived)
-        for number, (each, age) in enumerate(arrived):
+        for number, (each, arrival) in enumerate(arrived):
             if number in overtaken:
                 self._unless_refused(self._refuse, Refusal.OVERTAKEN)
             else:
-                self._unless_refused(self._answer, each, age)
+                self._unless_refused(self._answer, each, arrival)
 
     def _refuse(self, reason: Refusal) -> None:
         with self._references.refusing():
             raise RefusedError(reason)
 
-    def _answer(self, raw: bytes, age: float) -> None:
+    def _answer(self, raw: bytes, arrival: Arrival) -> None:
         if self._is_contradicted:
             self._refuse(Refusal.SEVERAL_PUBLISHERS)
-        slow = self._plans.are_slow(len(raw) > INLINE_BYTES)
-        if slow and (count := self._count_points(raw)) > 1:
-            self._plans.submit(raw, count, self._on_planned)
-            return
+        with self._references.refusing():
+            count = messages.count_points(raw)
+            if count > self._settings.max_plan_points:
+                raise RefusedError(Refusal.TOO_LONG)
         try:
             message = deserialize_message(raw, JointTrajectory)
         except Exception:  # the class depends on the middleware
             self._references.refuse(Refusal.MALFORMED)
             raise RefusedError(Refusal.MALFORMED) from None
-        if len(message.points) > 1:
-            filled = messages.filled(message, self._server)
-            self._plans.interrupt()
-            self._outputs.plan(filled)
-            self._note_lateness(messages.nanoseconds(message.header.stamp))
-        else:
-            self._answer_sample(message.header.stamp, message.joint_names, message.points, age)
+        if count == 1:
+            topic, stamp = self._trajectories.topic_name, message.header.stamp
+            self._answer_sample(topic, stamp, message.joint_names, message.points, arrival)
+        elif count:
+            self._answer_plan(message, arrival.age)
+        else:  # the end of a motion, as for a joint_trajectory_controller
+            self._server.end_stream()
+            self._outputs.plan(message)
 
-    def _count_points(self, raw: bytes) -> int:
-        with self._references.refusing():
-            return messages.count_points(raw)
-
-    def _on_planned(self, planned: Planned) -> None:
-        self._unless_refused(self._publish_planned, planned)
-
-    def _publish_planned(self, planned: Planned) -> None:
-        raw = self._plans.accept(planned)
-        self._outputs.raw_plan(raw)
-        self._note_lateness(read_header(raw).stamp_ns)
-
-    def _note_lateness(self, stamp_ns: int) -> None:
-        """Count a plan that was published after its begin; a stamp of zero means now."""
-        late = stamp_age(stamp_ns, messages.nanoseconds(self._now())) if stamp_ns else 0.0
+    def _answer_plan(self, message: JointTrajectory, age: float) -> None:
+        stamp_ns = messages.nanoseconds(message.header.stamp)
+        late = (messages.nanoseconds(self._now()) - stamp_ns) / 1e9 if stamp_ns else 0.0
+        end = message.points[-1].time_from_start
+        if late > end.sec + 1e-9 * end.nanosec:
+            self._refuse(Refusal.OVER)
+        now = time.monotonic()
+        self._outputs.plan(messages.filled_plan(message, self._server, now=now, age=age))
         if late > LATE_S:
             self._server.counts.torques['late_plans'] += 1
             self._node.warn(
@@ -233,9 +245,14 @@ class Inputs:
     def _on_controller_state(self, message: Any, info: Info) -> None:
         # before Jazzy the reference was called desired
         reference = message.reference if hasattr(message, 'reference') else message.desired
-        stamp, names = message.header.stamp, message.joint_names
+        speed, names = self._scaling.read(message), message.joint_names
+        topic = self._optional[0].topic_name
         self._references.received += 1
-        self._unless_refused(self._answer_sample, stamp, names, [reference], self._age(info))
+        if self._is_contradicted:
+            self._unless_refused(self._refuse, Refusal.SEVERAL_PUBLISHERS)
+            return
+        arguments = topic, message.header.stamp, names, [reference], self._arrival(info), speed
+        self._unless_refused(self._answer_sample, *arguments)
 
     def _on_joint_state(self, message: JointState) -> None:
         """Publish energies and the torque residual while they have subscribers."""
@@ -250,8 +267,9 @@ class Inputs:
             if residual is not None:
                 self._outputs.joints(RESIDUAL_TOPIC, message.header.stamp, residual)
 
-    def _on_update(self, message: String) -> None:
-        self._unless_refused(self._server.take_update, message.data, time.monotonic())
+    def _on_update(self, message: DynamicInterfaceGroupValues) -> None:
+        clock_ns = self._node.get_clock().now().nanoseconds
+        self._unless_refused(self._server.take_update, message, time.monotonic(), clock_ns)
 
     def _unless_refused(self, answer: Callable[..., None], *arguments: Any) -> None:
         try:
@@ -260,33 +278,40 @@ class Inputs:
             self._node.warn_of_refusal(refused)
 
     def _answer_sample(
-        self, stamp: Time, names: Sequence[str], points: Sequence[Any], sent_s: float
+        self,
+        topic: str,
+        stamp: Time,
+        names: Sequence[str],
+        points: Sequence[Any],
+        arrival: Arrival,
+        speed: float = 1.0,
     ) -> None:
-        now = self._now()
+        now, steady, age = self._now(), time.monotonic(), arrival.age
         if stamp.sec == stamp.nanosec == 0:  # left empty, which in a trajectory means now
             stamp = now
-        age = max(sent_s, stamp_age(messages.nanoseconds(stamp), messages.nanoseconds(now)))
-        served = self._server.sample(names, points, time.monotonic(), stamp, age)
+        else:
+            with self._references.refusing():
+                stamp_ns = messages.nanoseconds(stamp)
+                age += max(0.0, (self._sent_ns(arrival, now) - stamp_ns) / 1e9)
+                self._order.setdefault(topic, StampOrder()).require(stamp_ns, steady)
+        served = self._server.sample(names, points, steady, age, speed)
+        self._answered_at[topic] = steady
         self._outputs.torque(stamp, served.tau)
         self._outputs.energies(stamp, served.query)
         if self._outputs.wants(*COMPONENT_TOPICS):
             self._outputs.components(stamp, self._server.arm.components(served.state))
-        self._publish_deviation()  # here too: the watch alone has 50 a second
+        if served.std is not None:
+            self._outputs.joints(STD_TOPIC, stamp, served.std)
 
-    def _age(self, info: Info) -> float:
-        """Return how long ago a reference was sent [s]."""
-        return self._ages.age(info['source_timestamp'], info['received_timestamp'], time.time_ns())
+    def _arrival(self, info: Info) -> Arrival:
+        sent_ns = info['source_timestamp']
+        age = self._ages.age(sent_ns, info['received_timestamp'], time.time_ns())
+        return Arrival(age, sent_ns)
+
+    def _sent_ns(self, arrival: Arrival, now: Time) -> int:
+        """Return when a message was sent by the clock of its stamp [ns]: of a simulation, now."""
+        simulated = self._node.get_clock().ros_time_is_active
+        return messages.nanoseconds(now) if simulated else arrival.sent_ns
 
     def _now(self) -> Time:
         return self._node.get_clock().now().to_msg()
-
-
-def _controller_state() -> Any:
-    try:
-        from control_msgs.msg import JointTrajectoryControllerState
-    except ImportError:
-        raise ConfigError(
-            'follow_controller needs the package control_msgs, which is not installed; install '
-            'ros-jazzy-control-msgs or leave follow_controller false.'
-        ) from None
-    return JointTrajectoryControllerState

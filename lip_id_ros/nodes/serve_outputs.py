@@ -13,6 +13,7 @@ import numpy as np
 from pal_statistics_msgs.msg import Statistics
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
@@ -37,7 +38,7 @@ class Outputs:
 
     def __init__(self, node: LifecycleNode) -> None:
         self._node = node
-        self._torque = self._publisher(JointState, '~/feedforward_torque')
+        self._torque = self._publisher(JointState, '~/feedforward_torque', qos.COMMAND)
         self._kinetic = self._publisher(Float64, '~/kinetic_energy')
         self._potential = self._publisher(Float64, '~/potential_energy')
         self._energies = self._publisher(Statistics, '~/energies')
@@ -52,7 +53,7 @@ class Outputs:
         order = settings.joints or joint_names
         self._of_commands = [joint_names.index(name) for name in order]
         if settings.publish_commands:
-            self._add(Float64MultiArray, 'commands')
+            self._add(Float64MultiArray, 'commands', qos.COMMAND)
         for topic in COMPONENT_TOPICS if settings.publish_parts else ():
             self._add(JointState, topic)
         if settings.publish_std:
@@ -62,6 +63,15 @@ class Outputs:
                 self._add(Float64, topic)
             self._add(Statistics, MEASURED_TOPICS[2])
             self._add(JointState, RESIDUAL_TOPIC)
+
+    def topics(self) -> set[str]:
+        """Return the full names of topics of torques and plans."""
+        return {self._plan.topic_name, *self.commands()}
+
+    def commands(self) -> set[str]:
+        """Return the full names of topics of torques."""
+        publishers = [self._torque, *filter(None, [self._optional.get('commands')])]
+        return {publisher.topic_name for publisher in publishers}
 
     def clean_up(self) -> None:
         """Destroy what `configure` made, after subscribers have its last messages."""
@@ -118,10 +128,6 @@ class Outputs:
         """Publish a plan with efforts."""
         self._plan.publish(plan)
 
-    def raw_plan(self, plan: bytes) -> None:
-        """Publish a plan with efforts that is serialised already."""
-        self._plan.publish(plan)
-
     def components(self, stamp: Time, predicted: Prediction) -> None:
         """Publish the parts of the model's torque at one sample, those that are finite."""
         for part, topic in zip(COMPONENTS, COMPONENT_TOPICS, strict=True):
@@ -133,11 +139,12 @@ class Outputs:
             message = messages.torque_message(stamp, self._message.name, tau)
             self._optional[topic].publish(message)
 
-    def _add(self, kind: Any, name: str) -> None:
-        self._optional[name] = self._publisher(kind, f'~/{name}')
+    def _add(self, kind: Any, name: str, profile: QoSProfile = qos.OUTPUT) -> None:
+        self._optional[name] = self._publisher(kind, f'~/{name}', profile)
 
-    def _publisher(self, kind: Any, topic: str) -> Any:
-        return self._node.create_lifecycle_publisher(kind, topic, qos.OUTPUT)
+    def _publisher(self, kind: Any, topic: str, profile: QoSProfile = qos.OUTPUT) -> Any:
+        with qos.overriding(self._node, 'publisher', topic, profile) as given:
+            return self._node.create_lifecycle_publisher(kind, topic, **given)
 
 
 def _publish_finite(publisher: Any, value: float) -> None:

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import asdict
+from functools import partial
 import sys
+import time
 from typing import Any
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from lip_id_ros.acquisition.job import in_words, Jobs, JobState, Task
+from lip_id_ros.acquisition.job import in_words, Jobs, Task
 from lip_id_ros.acquisition.recorder import DISTURBED_S, Recorder
 from lip_id_ros.acquisition.settings import (
     check_together,
@@ -31,20 +33,24 @@ from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.settings.settings import WHILE_EMPTY
 from lip_id_ros.signals.status import Level, Status
 
+PATHS = {
+    'fit': ('model_path',),
+    'payload': ('payload_path', 'payload_model_path'),
+    'dataset': ('dataset_path',),
+}
+"""Parameters that name the files of a job; the first is that of its result."""
+
 
 class TrainNode(NodeBase):
     """Recorder and trainer; ConfigError if the parameters contradict each other."""
 
-    def __init__(self) -> None:
-        super().__init__('train', train_parameters())
+    def __init__(self, **options: Any) -> None:
+        super().__init__('train', train_parameters(), **options)
         check_together(self.values())
         require_writable('unsaved_path', self._settings().unsaved_path)
         self._jobs = Jobs()
-        self._reported = JobState()
-        self._alarming_before = 0
-        self._endangered = ''
-        self._recorder = self._new_recorder()
-        self._recorder.recording = self._settings().record_on_start
+        self._reported = self._alarming_before = 0
+        self._recorder = self._new_recorder(self._settings().record_on_start)
         self._subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_state, qos.SENSOR_STREAM
         )
@@ -69,11 +75,14 @@ class TrainNode(NodeBase):
 
     def _make_services(self) -> None:
         self.create_service(SetBool, '~/record', self._on_record)
-        self.create_service(Trigger, '~/end_disturbed', self._on_end_disturbed)
-        self.create_service(Trigger, '~/fit', self._on_fit)
-        self.create_service(Trigger, '~/payload', self._on_payload)
-        self.create_service(Trigger, '~/cancel', self._on_cancel)
-        self.create_service(Trigger, '~/clear', self._on_clear)
+        for name, work in (
+            ('end_disturbed', self._end_disturbed),
+            ('fit', lambda: self._begin('fit')),
+            ('payload', lambda: self._begin('payload')),
+            ('cancel', lambda: f'cancelled the {self._jobs.cancel()}'),
+            ('clear', self._clear),
+        ):
+            self.create_service(Trigger, f'~/{name}', partial(self._on_trigger, work))
         own_group = MutuallyExclusiveCallbackGroup()
         self.create_service(
             Trigger, '~/save_dataset', self._on_save_dataset, callback_group=own_group
@@ -98,9 +107,7 @@ class TrainNode(NodeBase):
     def apply_change(self, values: Mapping[str, Any]) -> None:
         """Record anew where the joints or the bound of the recording changed."""
         if any(map(self._is_of_recorder, values)):
-            recording = self._recorder.recording
-            self._recorder = self._new_recorder()
-            self._recorder.recording = recording
+            self._recorder = self._new_recorder(self._recorder.recording)
 
     def _is_of_recorder(self, name: str) -> bool:
         return train_parameters()[name].applies == WHILE_EMPTY
@@ -108,9 +115,11 @@ class TrainNode(NodeBase):
     def _settings(self) -> TrainSettings:
         return TrainSettings(**own_values(self.values()))
 
-    def _new_recorder(self) -> Recorder:
+    def _new_recorder(self, recording: bool) -> Recorder:
         values = self.values()
-        return Recorder(values['recording.joints'], values['max_rows'])
+        made = Recorder(values['recording.joints'], values['max_rows'])
+        made.recording = recording
+        return made
 
     # messages and services
 
@@ -122,56 +131,36 @@ class TrainNode(NodeBase):
         state = 'recording' if request.data else 'stopped'
         return self._answer(response, True, f'{state}, {len(self._recorder)} samples kept')
 
-    def _on_end_disturbed(
-        self, request: Trigger.Request, response: Trigger.Response
+    def _on_trigger(
+        self, work: Callable[[], str], request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        self._recorder.end_disturbed()
-        text = f'stopped; fits leave out the last {DISTURBED_S:g} s of the recording'
-        return self._answer(response, True, text)
+        """Answer with what work has done, or why it was refused."""
+        try:
+            return self._answer(response, True, work())
+        except LipIdError as error:
+            return self._answer(response, False, str(error))
 
-    def _on_clear(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _end_disturbed(self) -> str:
+        self._recorder.end_disturbed()
+        return f'stopped; fits leave out the last {DISTURBED_S:g} s of the recording'
+
+    def _clear(self) -> str:
         text = f'forgot {len(self._recorder)} samples'
         self._recorder.clear()
-        return self._answer(response, True, text)
+        return text
 
-    def _on_cancel(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            task = self._jobs.cancel()
-        except LipIdError as error:
-            return self._answer(response, False, str(error))
-        return self._answer(response, True, f'cancelled the {task}')
-
-    def _on_fit(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            path = self._settings().model_path
-            require_writable('model_path', path)
-            sources, _, _ = self._start('fit', path)
-        except LipIdError as error:
-            return self._answer(response, False, str(error))
-        text = f'fitting {sources} into {path}; progress and outcome are in ~/status'
-        return self._answer(response, True, text)
-
-    def _on_payload(
-        self, request: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
-        try:
-            settings = self._settings()
-            require_writable('payload_path', settings.payload_path)
-            if settings.payload_model_path:
-                require_writable('payload_model_path', settings.payload_model_path)
-            sources, _, _ = self._start('payload', settings.payload_path)
-        except LipIdError as error:
-            return self._answer(response, False, str(error))
-        text = f'finding the payload in {sources}; progress and outcome are in ~/status'
-        return self._answer(response, True, text)
+    def _begin(self, kind: str) -> str:
+        """Begin a job; return its number, by which ~/status has its result."""
+        self._start(kind)
+        sources = in_words(len(self._recorder), self._settings().bags)
+        number = self._jobs.state.number
+        return f'job {number}: {kind} of {sources}; ~/status has its end under results.{number}'
 
     async def _on_save_dataset(
         self, request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
         try:
-            path = self._settings().dataset_path
-            require_writable('dataset_path', path)
-            _, work, saved = self._start('dataset', path)
+            work, saved = self._start('dataset')
             result = await outcome(self, work)
         except (LipIdError, OSError) as error:
             return self._answer(response, False, str(error))
@@ -182,28 +171,26 @@ class TrainNode(NodeBase):
             saved()
         return self._answer(response, True, '; '.join(parts))
 
-    def _start(
-        self, kind: str, path: str
-    ) -> tuple[str, Future[Mapping[str, Any]], Callable[[], None]]:
-        """Start a job; return its sources in words, its future, and what to call once saved."""
+    def _start(self, kind: str) -> tuple[Future[Mapping[str, Any]], Callable[[], None]]:
+        """Start a job; return its future, and what to call once saved."""
         values = self.values()
+        for name in PATHS[kind]:
+            if values[name] or name != 'payload_model_path':
+                require_writable(name, values[name])
         sections = self._recorder.samples(self._topic)
         if not sections and not values['bags']:
             raise DataError(self._recorder.why_empty(self._topic))
         task = Task(
             kind,
             self._fit_values(kind, values),
-            path,
+            values[PATHS[kind][0]],
             bags=values['bags'],
             holdout=values['holdout'],
-            niceness=values['fit_niceness'],
             model=values['model_path'],
             payload_model=values['payload_model_path'],
             flange=(values['payload_flange_shift'], values['payload_flange_turn']),
         )
-        work = self._jobs.start(task, sections)
-        sources = in_words(len(self._recorder), values['bags'])
-        return sources, work, self._recorder.saving(sections)
+        return self._jobs.start(task, sections), self._recorder.saving(sections)
 
     def _fit_values(self, kind: str, values: Mapping[str, Any]) -> Mapping[str, Any]:
         found = fit_values(values)
@@ -223,33 +210,34 @@ class TrainNode(NodeBase):
     def status(self) -> Status:
         """Return what is recorded and where the job stands."""
         job = self._jobs.state
-        self._endangered = self._recorder.endangered(self._settings().unsaved_path)
-        self._report(job)
-        values = {**self._recorder.status(), 'job': asdict(job)}
-        return Status(self._level(job), self._summary(job), values)
-
-    def _summary(self, job: JobState) -> str:
+        unheard = self._recorder.trouble(self._topic, time.monotonic())
+        if unheard:
+            self.warn(unheard, unheard)
+        endangered = self._recorder.endangered(self._settings().unsaved_path)
+        troubles = [each for each in (unheard, endangered) if each]
+        self._report()
         work = f', {job.task} {job.state}' if job.state != 'idle' else ''
-        return '; '.join([self._recorder.summary + work, *filter(None, [self._endangered])])
-
-    def _level(self, job: JobState) -> Level:
+        summary = '; '.join([self._recorder.summary + work, *troubles])
+        results = {str(number): each.brief for number, each in self._jobs.ended.items()}
+        values = {**self._recorder.status(), 'job': asdict(job), 'results': results}
         alarming = self._recorder.n_alarming + self._recorder.gaps.count
         rose, self._alarming_before = alarming > self._alarming_before, alarming
-        if job.state == 'failed':
-            return Level.ERROR
-        return Level.WARN if rose or self._recorder.is_full or self._endangered else Level.OK
+        warns = rose or self._recorder.is_full or troubles
+        level = Level.ERROR if job.state == 'failed' else Level.WARN if warns else Level.OK
+        return Status(level, summary, values)
 
-    def _report(self, job: JobState) -> None:
-        if job.state == self._reported.state and job.task == self._reported.task:
-            return
-        self._reported = job
-        if job.state == 'failed':
-            self.get_logger().error(f'{job.task} failed: {job.error}')
-        elif job.state == 'done':
-            self.get_logger().info(f'{job.task} done: {job.result["path"]}')
-            for kind in ('left_out', 'cautions'):
-                for sentence in job.result.get(kind, ()):
-                    self.get_logger().warning(sentence)
+    def _report(self) -> None:
+        """Log jobs that have ended."""
+        for number, job in self._jobs.ended.items():
+            if number <= self._reported:
+                continue
+            self._reported, logger = number, self.get_logger()
+            if job.state == 'failed':
+                logger.error(f'{job.task} failed: {job.error}')
+            elif job.state == 'done':
+                logger.info(f'{job.task} done: {job.result["path"]}')
+            for sentence in [*job.result.get('left_out', ()), *job.result.get('cautions', ())]:
+                logger.warning(sentence)
 
 
 def main() -> int:

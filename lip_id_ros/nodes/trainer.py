@@ -12,7 +12,8 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from lip_id_ros.nodes import messages, qos
-from lip_id_ros.nodes.motion_goal import HaltError, LONGEST_ANSWER_S, Until
+from lip_id_ros.nodes.controller import LONGEST_ANSWER_S
+from lip_id_ros.nodes.motion_goal import HaltError, Until
 from lip_id_ros.nodes.node import NodeBase
 
 
@@ -28,7 +29,7 @@ class Trainer:
         node.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.DIAGNOSTICS
         )
-        self._job: Mapping[str, Any] = {}
+        self._results: Mapping[str, Any] = {}
         self._heard_of_job: Future | None = None
         self._heard_at = np.inf  # no silence matters yet
 
@@ -52,35 +53,34 @@ class Trainer:
 
     async def fitted(self, until: Until) -> str:
         """Have it fit; return the path of the model."""
-        before = self._job
-        await self._asked(self._fit, Trigger.Request(), until)
+        self._results = {}  # of a node that has been started again, numbers are too
+        answer = await self._asked(self._fit, Trigger.Request(), until)
+        number = answer.message.removeprefix('job ').partition(':')[0]
         self._heard_at = time.monotonic()
         try:
-            while not _has_ended(self._job, before):
+            while number not in self._results:
                 self._heard_of_job = Future(executor=self._node.executor)
                 await until(self._heard_of_job)
         finally:
             self._heard_at = np.inf
-        if self._job['state'] != 'done':
-            raise HaltError(f'the fit has ended without a model: {self._job.get("error", "")}')
-        return str(self._job['result']['path'])
+        result = self._results[number]
+        if result['state'] != 'done':
+            raise HaltError(f'the fit has ended without a model: {result["error"]}')
+        return str(result['path'])
 
-    async def _asked(self, client: Any, request: Any, until: Until) -> None:
+    async def _asked(self, client: Any, request: Any, until: Until) -> Any:
         if not client.service_is_ready():
             raise HaltError(f'nobody offers {client.srv_name}; start the node train')
         answer = await until(client.call_async(request), LONGEST_ANSWER_S, client.srv_name)
         if not answer.success:
             raise HaltError(f'{client.srv_name}: {answer.message}')
+        return answer
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        if any(each.name == self._name.lstrip('/') for each in message.status):
+        if any(each.name == f'{self._name.lstrip("/")}: status' for each in message.status):
             self._heard_at = max(self._heard_at, time.monotonic())
 
     def _on_status(self, message: DiagnosticStatus) -> None:
-        self._job = messages.status_values(message).get('job', {})
+        self._results = messages.status_values(message).get('results', {})
         if self._heard_of_job is not None and not self._heard_of_job.done():
             self._heard_of_job.set_result(None)
-
-
-def _has_ended(job: Mapping[str, Any], before: Mapping[str, Any]) -> bool:
-    return job.get('task') == 'fit' and job != before and job.get('state') != 'running'

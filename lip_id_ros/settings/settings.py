@@ -11,6 +11,7 @@ import dataclasses
 from dataclasses import dataclass, replace
 import math
 from numbers import Integral, Real
+from types import MappingProxyType
 from typing import Any, get_type_hints, TypeVar
 
 from lip_id_ros.errors import closest, ConfigError, shortened
@@ -36,14 +37,17 @@ def setting(
     maximum: float | None = None,
     choices: tuple[str, ...] = (),
     applies: str = '',
+    old_name: str = '',
+    old_values: Mapping[str, str] = MappingProxyType({}),
 ) -> Any:
     """
     Declare one field of a settings table.
 
     The description is one sentence for documentation and parameter descriptors; a range has its
     ends included. `choices` are the only texts allowed (for a list: in each element), or beside
-    numbers those in their place; `applies` is when a running node takes over a new value, where
-    the table as a whole does not say so.
+    a number those in its place; `applies` is when a running node takes over a new value, where
+    the table as a whole does not say so. `old_name`, and the texts of `old_values`, are refused
+    with what to write in their place.
     """
     details = {
         'description': description,
@@ -52,6 +56,8 @@ def setting(
         'maximum': maximum,
         'choices': choices,
         'applies': applies,
+        'old_name': old_name,
+        'old_values': old_values,
     }
     return dataclasses.field(default=default, metadata={_KEY: details})
 
@@ -71,7 +77,7 @@ def description_setting() -> Any:
     """Declare the URDF that limits torques."""
     return setting(
         '',
-        'URDF for torque_limits: robot_description; empty for that of the latched topic.',
+        'URDF for torque_limits_from: robot_description; empty for that of the latched topic.',
         applies=AT_START,
     )
 
@@ -93,11 +99,13 @@ class Row:
     maximum: float | None
     choices: tuple[str, ...]
     applies: str
+    old_name: str
+    old_values: Mapping[str, str]
 
     @property
     def _has_words(self) -> bool:
-        """Whether a word may stand in place of numbers."""
-        return bool(self.choices) and self.kind in ('float', 'list of float')
+        """Whether a word may stand in place of a number."""
+        return bool(self.choices) and self.kind == 'float'
 
     @property
     def range(self) -> str:
@@ -148,7 +156,9 @@ class Row:
         )
 
     def _error(self, value: object, label: str) -> ConfigError:
-        return ConfigError(f'{label} must be {self.expected}, not {shortened(value)}.')
+        new = self.old_values.get(str(value))
+        remedy = f'; write {new}' if new else ''
+        return ConfigError(f'{label} must be {self.expected}, not {shortened(value)}{remedy}.')
 
 
 def rows(table: type[Settings]) -> tuple[Row, ...]:
@@ -198,7 +208,10 @@ def build(table: type[Table], values: Mapping[str, object], section: str, origin
 
 
 def unknown_name(label: str, name: str, known: Mapping[str, object], origin: str) -> str:
-    """Say that a name is unknown, and which known one comes closest."""
+    """Say that a name is unknown, and what it is called now, or which known one comes closest."""
+    renamed = [each for each, row in known.items() if getattr(row, 'old_name', None) == name]
+    if renamed:
+        return f'{label} in {origin} is called {renamed[0]} now; rename it.'
     close = closest([str(name)], known)
     remedy = f'did you mean {close[0]!r}?' if close else f'known are {", ".join(known)}.'
     return f'{label} in {origin} is not a setting; {remedy}'
@@ -252,7 +265,6 @@ _KINDS: Mapping[object, str] = {
     str: 'str',
     tuple[str, ...]: 'list of str',
     tuple[float, ...]: 'list of float',
-    tuple[float, ...] | str: 'list of float',
 }
 
 _WORDS: Mapping[str, str] = {

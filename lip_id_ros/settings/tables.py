@@ -12,7 +12,8 @@ LARGEST = 1e9
 """Magnitude of factors and offsets of efforts, far beyond any drive: larger ones overflow."""
 
 LONGEST_DELAY_S = 1.0
-AUTO = 'auto'
+AUTO = -1.0
+"""The cut-off that is still to be chosen."""
 
 
 @dataclass(frozen=True)
@@ -70,14 +71,14 @@ class RecordingSettings(Settings):
 class PreprocessingSettings(Settings):
     """The steps from raw samples to a data set."""
 
-    cutoff_hz: float | str = setting(
+    cutoff_hz: float = setting(
         4.0,
         'Cut-off of the zero-phase low-pass on positions, velocities and torques; 0, or half the '
-        'sampling rate and above, for none; auto to choose it, the derivative and the delays of '
+        'sampling rate and above, for none; -1 to choose it, the derivative and the delays of '
         'efforts by the prediction of left-out blocks.',
         unit='Hz',
-        minimum=0.0,
-        choices=(AUTO,),
+        minimum=AUTO,
+        old_values={'auto': '-1'},
     )
     velocity: str = setting(
         'recorded',
@@ -133,10 +134,10 @@ class PreprocessingSettings(Settings):
     @property
     def cutoff(self) -> float:
         """The cut-off as a number [Hz]; ConfigError if it is still to be chosen."""
-        if isinstance(self.cutoff_hz, str):
+        if self.cutoff_hz < 0.0:
             raise ConfigError(
-                'preprocessing.cutoff_hz must be a number where samples are smoothed, not auto; '
-                'load recordings with load_dataset, which chooses it.'
+                'preprocessing.cutoff_hz must be 0 or more where samples are smoothed, not '
+                f'{self.cutoff_hz:g}; load recordings with load_dataset, which chooses it for -1.'
             )
         return self.cutoff_hz
 

@@ -21,9 +21,10 @@ class Refusal(StrEnum):
     NO_POINTS = 'no points'
     TOO_LONG = 'plan too long'
     OVERLOAD = 'torques beyond limits'
-    BUSY = 'plans waiting'
-    INTERRUPTED = 'plan interrupted'
-    UNANSWERED = 'plan not answered'
+    WRONG_PLAN = 'plan that no controller takes'
+    OVER = 'plan that is over'
+    NO_CONTROLLER = 'no controller'
+    WRONG_SPEED = 'wrong speed scaling'
     MALFORMED = 'malformed'
     TOO_MANY_NAMES = 'too many joint names'
     REPEATED_NAME = 'joint name repeated'
@@ -48,7 +49,9 @@ class Refusal(StrEnum):
     NO_UPDATE = 'no update'
     NOT_FINITE_UPDATE = 'update not finite'
     OTHER_MODEL = 'update of another model'
-    OLD_COUNTER = 'update not newer'
+    OTHER_SOURCE = 'update of another node'
+    NOT_NEWER_UPDATE = 'update not newer'
+    OLD_UPDATE = 'update too old'
     IMPOSSIBLE_ARM = 'arm that cannot exist'
     BEYOND_TRUST = 'change too large'
     FAILED = 'failed'
@@ -71,14 +74,19 @@ _SENTENCES = {
         'the torques of the plan would exceed torque_limits, and overload_policy refuses that or '
         'found no slower plan that fits; look at it with lip_id check-plan'
     ),
-    Refusal.BUSY: 'too many plans wait for their efforts; send the next one after an answer',
-    Refusal.INTERRUPTED: (
-        'a newer plan came, or the model, a parameter or the state of the node changed, while the '
-        'plan was computed; send it again unless a newer one came'
+    Refusal.WRONG_PLAN: (
+        'every point of a plan needs a position of each joint, and velocities where it has '
+        'accelerations; correct the points'
     ),
-    Refusal.UNANSWERED: (
-        'the process that computes long plans ended or stood still, another takes its place; send '
-        'the plan again'
+    Refusal.OVER: (
+        'the plan would have ended by its stamp; send plans earlier, leave their stamps zero, or '
+        'synchronise the clocks'
+    ),
+    Refusal.NO_CONTROLLER: (
+        'no controller offers the action; activate it, or correct the parameter controller_action'
+    ),
+    Refusal.WRONG_SPEED: (
+        'speed_scaling_factor must be a number from 0 to 10; look at the controller'
     ),
     Refusal.MALFORMED: 'the message could not be deserialised; check the type of its publisher',
     Refusal.TOO_MANY_NAMES: 'a trajectory must not name over 1000 joints; check its publisher',
@@ -111,15 +119,15 @@ _SENTENCES = {
     Refusal.NO_STAMP: 'the stamp is zero; use a driver that stamps its joint states',
     Refusal.REPEATED_STAMP: 'the stamp is that of the last joint state; check the driver',
     Refusal.BACKWARD_STAMP: (
-        'the stamp lies before that of the last joint state; check for two publishers and clocks'
+        'the stamp lies before that of the last message; check for two publishers and clocks'
     ),
     Refusal.FAR_STAMP: (
         'the stamp lies far ahead of the last joint state; check for two publishers, clocks and '
         'pauses'
     ),
     Refusal.OLD: (
-        'the reference was stamped or sent more than stale_timeout_s ago; check for pauses, load '
-        'and clocks, or leave its stamp zero'
+        'the reference was stamped or sent more than stale_timeout_s ago; check for pauses and '
+        'load, synchronise the clocks, or leave its stamp zero'
     ),
     Refusal.OVERTAKEN: (
         'references came faster than they are answered, only the newest is; send fewer a second'
@@ -137,9 +145,17 @@ _SENTENCES = {
         'the update is of another model; give the same model_path to both nodes, and restart or '
         'reload the one whose model is older'
     ),
-    Refusal.OLD_COUNTER: (
-        'the counter of the update must be higher than that of the one before; end all publishers '
-        'of updates but one, or wait until adaptation_timeout_s has passed'
+    Refusal.OTHER_SOURCE: (
+        'updates must come from one node, another one is followed; end one of them, or remap its '
+        'topic'
+    ),
+    Refusal.NOT_NEWER_UPDATE: (
+        'the stamp of the update lies before that of the last one; check the clock of its '
+        'publisher, or wait until adaptation_timeout_s has passed'
+    ),
+    Refusal.OLD_UPDATE: (
+        'the stamp of an update must be within adaptation_timeout_s of now, or what it says of '
+        'payloads may be over; start adapt, or set the clocks of the computers'
     ),
     Refusal.IMPOSSIBLE_ARM: 'no bodies can have the links of the update; restart its publisher',
     Refusal.BEYOND_TRUST: (

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
 
-UNLIMITED = 'none'
-"""The word that stands for no torque_limits."""
 
-DESCRIBED = 'robot_description'
-"""The word that stands for the efforts that the URDF of the robot allows, which a node reads."""
+class LimitsFrom(StrEnum):
+    """Where limits of torques come from; the URDF of the robot is read by a node."""
+
+    PARAMETERS = 'parameters'
+    DESCRIPTION = 'robot_description'
+    NONE = 'none'
+
 
 DEFAULT_RATE = 20.0
 """Rate limit by torque limit [1/s], where none is given: a full swing takes 0.1 s at least."""
@@ -24,25 +28,26 @@ LONGEST_STEP_S = 0.05
 torque is a step for the robot, however long the pause was."""
 
 
-def limits_in_numbers(limits: Sequence[float] | str) -> Sequence[float]:
-    """Return torque_limits as numbers, none without limits; zero where a URDF is to be read."""
-    if isinstance(limits, str):
-        return () if limits == UNLIMITED else (0.0,)
-    return limits
+def limits_in_numbers(limits: Sequence[float], source: str) -> Sequence[float]:
+    """Return limits in force, none without limits; zero where a URDF is still to be read."""
+    if source == LimitsFrom.NONE:
+        return ()
+    return limits or ((0.0,) if source == LimitsFrom.DESCRIPTION else ())
 
 
-def require_limits(limits: Sequence[float] | str) -> None:
-    """Refuse torque_limits that are empty, or not read from a URDF yet, with ConfigError."""
-    if limits == DESCRIBED:
+def require_limits(name: str, limits: Sequence[float], source: str) -> None:
+    """Refuse limits that are missing, or not read from a URDF yet, with ConfigError."""
+    if limits or source == LimitsFrom.NONE:
+        return
+    if source == LimitsFrom.DESCRIPTION:
         raise ConfigError(
-            f'torque_limits must be numbers here, but is {DESCRIBED}, which is read only when '
-            'torques begin; deactivate the node first.'
+            f'{name}_from must not be {source} here, which is read only when torques begin; '
+            'deactivate the node first.'
         )
-    if not limits:
-        raise ConfigError(
-            'torque_limits must hold the largest torque of each joint or one for all, but is '
-            f'empty; give the word {UNLIMITED} for a simulation without limits.'
-        )
+    raise ConfigError(
+        f'{name} must hold the largest of each joint or one for all, but is empty; for a '
+        f'simulation without limits give {name}_from: {LimitsFrom.NONE}.'
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 from model.models import of_arm
 import numpy as np
 from rigid_body.arms import random_bodies, random_chain
 
+from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.arrays import Array
 from lip_id_ros.friction.dahl import Dahl
 from lip_id_ros.friction.drives import Drive, DriveTerm
@@ -66,6 +68,19 @@ def correlated_model() -> InverseDynamicsModel:
     mixed = np.random.default_rng(8).normal(size=root.shape) / np.sqrt(len(root))
     scale = np.diagonal(root)[:, None]
     return replace(model, arm=replace(model.arm, covariance_root=root + scale * mixed))
+
+
+def message_of(update: Update) -> Any:
+    """Return an update with the fields of a control_msgs/DynamicInterfaceGroupValues."""
+    sec, nanosec = divmod(update.stamp_ns, 10**9)
+    names, values = update.interface
+    return SimpleNamespace(
+        header=SimpleNamespace(
+            stamp=SimpleNamespace(sec=sec, nanosec=nanosec), frame_id=update.source
+        ),
+        interface_groups=[update.model],
+        interface_values=[SimpleNamespace(interface_names=names, values=values)],
+    )
 
 
 def with_friction(model: InverseDynamicsModel, factor: float) -> InverseDynamicsModel:

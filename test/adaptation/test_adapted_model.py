@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-import json
 from typing import Any
 
-from adaptation.arms import known_model, stream, with_friction
+from adaptation.arms import known_model, message_of, stream, with_friction
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -18,14 +17,14 @@ import pytest
 from lip_id_ros.adaptation.adapted_model import AdaptedModel
 from lip_id_ros.adaptation.follow_settings import FollowRules
 from lip_id_ros.adaptation.followed import FollowedArm, WalkSettings
-from lip_id_ros.adaptation.updates import MOST_BYTES, Update
+from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.arrays import Array
 from lip_id_ros.model import InverseDynamicsModel, Query
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 RULES = FollowRules(blend_s=1.0, timeout_s=5.0, limits=np.full(3, 5.0))
 STATE = np.array([[0.3, -0.4, 0.5], [1.0, -0.8, 0.6], [0.5, 1.0, -2.0]])
-STEP_S = 0.02
+STEP_S, START_NS = 0.02, 10**18
 
 
 def numbers_of(model: InverseDynamicsModel) -> Array:
@@ -33,9 +32,16 @@ def numbers_of(model: InverseDynamicsModel) -> Array:
     return np.concatenate([model.arm.links.ravel(), model.arm.friction.coefficients])
 
 
-def update_to(model: InverseDynamicsModel, counter: int = 1) -> Update:
+def update_to(model: InverseDynamicsModel) -> Update:
     """Return an update of the known model that makes another of it."""
-    return Update(known_model().fingerprint, counter, numbers_of(model), True, (0.5, 1.0))
+    return Update(known_model().fingerprint, numbers_of(model), True, '/adapt')
+
+
+def take(adapted: AdaptedModel, update: Update, now: float, age: float = 0.0) -> None:
+    """Have an update followed that was stamped so long ago [s]."""
+    clock_ns = START_NS + round(1e9 * now)
+    stamped = replace(update, stamp_ns=clock_ns - round(1e9 * age))
+    adapted.take(message_of(stamped), now, clock_ns)
 
 
 def assert_same(found: Query, expected: Query) -> None:
@@ -62,7 +68,7 @@ def test_torques_blend_to_an_update_and_back_when_updates_stop() -> None:
     model, other = known_model(), with_friction(known_model(), 0.6)
     adapted = AdaptedModel(model, RULES)
     adapted.query(STATE, 0.0)
-    adapted.take(update_to(other).to_text(), 0.0)
+    take(adapted, update_to(other), 0.0)
     before, after = model.query(*STATE).tau, other.query(*STATE).tau
     tau = torques(adapted, 1.2, 0.0)
     np.testing.assert_allclose(tau[0], before, atol=1e-12)
@@ -78,7 +84,7 @@ def test_torques_blend_to_an_update_and_back_when_updates_stop() -> None:
     tau = torques(adapted, 1.2, 1.2)
     assert (np.abs(np.diff(tau, axis=0)) <= 1.001 * STEP_S * np.abs(after - before)).all()
     np.testing.assert_allclose(tau[-1], before, rtol=1e-12)
-    adapted.take(update_to(other).to_text(), 8.0)  # a counter begins anew after that
+    take(adapted, update_to(other), 8.0)  # a counter begins anew after that
     assert adapted.values()['model'] == 'adapted'
 
 
@@ -86,9 +92,9 @@ def test_an_update_amid_a_blend_makes_no_jump() -> None:
     model = known_model()
     adapted = AdaptedModel(model, RULES)
     adapted.query(STATE, 0.0)
-    adapted.take(update_to(with_friction(model, 0.6)).to_text(), 0.0)
+    take(adapted, update_to(with_friction(model, 0.6)), 0.0)
     before = torques(adapted, 0.5, 0.0)[-1]
-    adapted.take(update_to(with_friction(model, 1.5), 2).to_text(), 0.5)
+    take(adapted, update_to(with_friction(model, 1.5)), 0.5)
     np.testing.assert_allclose(adapted.query(STATE, 0.48).tau, before, rtol=1e-9)
 
 
@@ -96,7 +102,7 @@ def test_parts_and_energies_are_blended_too() -> None:
     model, other = known_model(), with_friction(known_model(), 0.6)
     adapted = AdaptedModel(model, replace(RULES, blend_s=2 * STEP_S))
     adapted.advance(0.0)
-    adapted.take(update_to(other).to_text(), 0.0)
+    take(adapted, update_to(other), 0.0)
     adapted.advance(STEP_S)
     found = adapted.predict(*STATE[:, None])
     parts = [each.predict(*STATE[:, None]) for each in (model, other)]
@@ -111,11 +117,11 @@ def test_friction_that_remembers_goes_on_through_an_update() -> None:
     data = stream(model, 10.0)
     adapted = AdaptedModel(model, replace(RULES, blend_s=0.0))
     half = data.t.size // 2
-    text = Update(model.fingerprint, 1, numbers_of(other), True, (0.5, 1.0)).to_text()
+    update = Update(model.fingerprint, numbers_of(other), True)
     found = []
     for k, (t, q, dq, ddq) in enumerate(zip(*data[:4], strict=True)):
         if k == half:
-            adapted.take(text, t)
+            take(adapted, update, t)
         found.append(adapted.query(np.stack([q, dq, ddq]), t).tau)
     whole = np.array(found)
     state = data.q, data.dq, data.ddq, data.t
@@ -128,8 +134,8 @@ def foreign(update: Update) -> Update:
     return replace(update, model='b' * 64)
 
 
-def older(update: Update) -> Update:
-    return replace(update, counter=5)
+def of_another_node(update: Update) -> Update:
+    return replace(update, source='/other/adapt')
 
 
 def cut(update: Update) -> Update:
@@ -158,7 +164,7 @@ def heavy(update: Update) -> Update:
     ('spoil', 'reason'),
     [
         (foreign, Refusal.OTHER_MODEL),
-        (older, Refusal.OLD_COUNTER),
+        (of_another_node, Refusal.OTHER_SOURCE),
         (cut, Refusal.NO_UPDATE),
         (impossible, Refusal.IMPOSSIBLE_ARM),
         (driving, Refusal.BEYOND_TRUST),
@@ -171,9 +177,9 @@ def test_an_update_that_is_not_to_be_followed_is_refused_and_counted(
     model = known_model()
     other = with_friction(model, 0.9)
     adapted = AdaptedModel(model, RULES)
-    adapted.take(update_to(other, 5).to_text(), 0.0)
+    take(adapted, update_to(other), 0.0)
     with pytest.raises(RefusedError) as refused:
-        adapted.take(spoil(update_to(other, 6)).to_text(), 1.0)
+        take(adapted, spoil(update_to(other)), 1.0)
     assert refused.value.reason is reason
     assert adapted.values()['refused'] == {reason.value: 1}
     np.testing.assert_array_equal(adapted.numbers, numbers_of(other))
@@ -186,30 +192,26 @@ def test_what_adapt_follows_at_most_is_followed_where_a_low_pass_softened_fricti
     numbers = numbers_of(model)
     numbers[arm.friction] = arm.bounds[1][-numbers[arm.friction].size :]
     adapted = AdaptedModel(model, replace(RULES, limits=np.full(3, np.inf)))
-    adapted.take(Update(model.fingerprint, 1, numbers, True, (0.5, 1.0)).to_text(), 0.0)
+    take(adapted, Update(model.fingerprint, numbers, True), 0.0)
     assert adapted.values()['model'] == 'adapted'
 
 
-def test_an_update_that_is_worse_or_not_trusted_brings_the_commissioned_model_back() -> None:
+def test_an_update_that_is_not_trusted_brings_the_commissioned_model_back() -> None:
     model = known_model()
     adapted = AdaptedModel(model, RULES)
     good = update_to(with_friction(model, 0.9))
-    adapted.take(good.to_text(), 0.0)
-    adapted.take(replace(good, counter=2, errors=(1.2, 1.0)).to_text(), 1.0)
-    assert adapted.newest is model
-    adapted.take(replace(good, counter=3).to_text(), 2.0)
+    take(adapted, good, 0.0)
     assert adapted.newest is not model
-    fitted = replace(good, counter=4, trusted=False, numbers=numbers_of(model))
-    adapted.take(fitted.to_text(), 3.0)
+    take(adapted, replace(good, trusted=False, numbers=numbers_of(model)), 1.0)
     assert adapted.newest is model
-    counted = {key: adapted.values()[key] for key in ('followed', 'untrusted', 'worse')}
-    assert counted == {'followed': 2, 'untrusted': 1, 'worse': 1}
+    counted = {key: adapted.values()[key] for key in ('followed', 'untrusted')}
+    assert counted == {'followed': 1, 'untrusted': 1}
 
 
 def test_what_is_no_longer_followed_goes_back() -> None:
     model = known_model()
     adapted = AdaptedModel(model, RULES)
-    adapted.take(update_to(with_friction(model, 0.9)).to_text(), 0.0)
+    take(adapted, update_to(with_friction(model, 0.9)), 0.0)
     adapted.adjust(replace(RULES, follows=False))
     assert adapted.newest is model
 
@@ -234,49 +236,73 @@ def test_torques_and_energies_are_those_of_a_model_with_the_numbers(kind: str) -
     assert np.abs(model.query(*state).tau - fitted.query(*state).tau).max() > 0.1
 
 
+def test_an_old_update_is_not_followed_nor_one_of_a_clock_that_is_ahead() -> None:
+    """The payload of a latched update may have been put down since."""
+    model = known_model()
+    adapted, update = AdaptedModel(model, RULES), update_to(with_friction(model, 0.9))
+    for age in (47.0, -47.0):
+        with pytest.raises(RefusedError) as refused:
+            take(adapted, update, 0.0, age)
+        assert refused.value.reason is Refusal.OLD_UPDATE
+    take(adapted, update, 0.0, 4.0)
+    adapted.watch(0.9)
+    assert adapted.values()['model'] == 'adapted'
+    adapted.watch(1.1)
+    assert adapted.values()['model'] == 'commissioned'
+
+
+def test_updates_are_followed_in_the_order_of_their_stamps() -> None:
+    model = known_model()
+    adapted = AdaptedModel(model, RULES)
+    take(adapted, update_to(with_friction(model, 0.9)), 1.0)
+    with pytest.raises(RefusedError) as refused:
+        take(adapted, update_to(with_friction(model, 0.8)), 1.1, 0.2)
+    assert refused.value.reason is Refusal.NOT_NEWER_UPDATE
+
+
+def test_an_update_that_never_comes_is_told() -> None:
+    adapted = AdaptedModel(known_model(), RULES)
+    adapted.watch(10.0)
+    assert adapted.new_trouble() == ''
+    adapted.watch(15.1)
+    sentence = 'follows the commissioned model: no update for 5 s; start adapt, or set '
+    assert adapted.new_trouble().startswith(sentence)
+    assert adapted.values()['gone_back'] == 0
+    adapted.adjust(replace(RULES, follows=False))
+    adapted.watch(30.0)
+    assert adapted.new_trouble() == ''
+
+
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
-GOOD = Update('a' * 64, 3, np.arange(4.0), True, (0.9, 1.1))
+GOOD = Update('a' * 64, np.arange(4.0), True, '/adapt', 5)
 
 
-@given(arrays(np.float64, st.integers(0, 20), elements=FINITE), st.integers(0), FINITE)
-def test_an_update_reads_back_exactly(numbers: np.ndarray, counter: int, error: float) -> None:
-    update = Update('hash', counter, numbers, False, (error, 1.0))
-    found = Update.from_text(update.to_text())
+@given(arrays(np.float64, st.integers(0, 20), elements=FINITE), st.booleans())
+def test_an_update_reads_back_exactly(numbers: np.ndarray, trusted: bool) -> None:
+    update = Update('hash', numbers, trusted, '/left/adapt', 10**18 + 1)
+    found = Update.from_message(message_of(update))
     np.testing.assert_array_equal(found.numbers, numbers)
-    assert (found.model, found.counter, found.trusted) == ('hash', counter, False)
-    assert found.errors == (error, 1.0)
+    assert (found.model, found.trusted) == ('hash', trusted)
+    assert (found.source, found.stamp_ns) == ('/left/adapt', 10**18 + 1)
 
 
 @pytest.mark.parametrize(
-    'text',
+    ('changes', 'reason'),
     [
-        *('', '[]', '{}', '3', '{"schema": "lip_id_ros/update"}', '[' * 5000),
-        'x' * (MOST_BYTES + 1),
+        ({'interface_groups': []}, Refusal.NO_UPDATE),
+        ({'interface_groups': ['a', 'b']}, Refusal.NO_UPDATE),
+        ({'interface_values': []}, Refusal.NO_UPDATE),
+        ({'interface_names': ['position']}, Refusal.NO_UPDATE),
+        ({'values': [1.0]}, Refusal.NO_UPDATE),
+        ({'values': [1.0, 0.0, 1.0, np.nan, 3.0]}, Refusal.NOT_FINITE_UPDATE),
+        ({'values': [np.inf, 0.0, 1.0, 2.0, 3.0]}, Refusal.NOT_FINITE_UPDATE),
     ],
 )
-def test_what_is_no_update_is_refused(text: str) -> None:
+def test_what_is_no_update_is_refused(changes: dict[str, Any], reason: Refusal) -> None:
+    message = message_of(GOOD)
+    for name, value in changes.items():
+        holds = message if hasattr(message, name) else message.interface_values[0]
+        setattr(holds, name, value)
     with pytest.raises(RefusedError) as refused:
-        Update.from_text(text)
-    assert refused.value.reason is Refusal.NO_UPDATE
-
-
-@pytest.mark.parametrize(
-    ('key', 'value', 'reason'),
-    [
-        ('schema', 'other', Refusal.NO_UPDATE),
-        ('counter', 1.5, Refusal.NO_UPDATE),
-        ('counter', True, Refusal.NO_UPDATE),
-        ('trusted', 1, Refusal.NO_UPDATE),
-        ('errors', [1.0], Refusal.NO_UPDATE),
-        ('numbers', [[1.0]], Refusal.NO_UPDATE),
-        ('numbers', ['x'], Refusal.NO_UPDATE),
-        ('numbers', [1.0, float('nan')], Refusal.NOT_FINITE_UPDATE),
-        ('numbers', [float('inf')], Refusal.NOT_FINITE_UPDATE),
-        ('errors', [float('nan'), 1.0], Refusal.NOT_FINITE_UPDATE),
-    ],
-)
-def test_a_wrong_part_is_refused(key: str, value: Any, reason: Refusal) -> None:
-    text = json.dumps({**json.loads(GOOD.to_text()), key: value})
-    with pytest.raises(RefusedError) as refused:
-        Update.from_text(text)
+        Update.from_message(message)
     assert refused.value.reason is reason

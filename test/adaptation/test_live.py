@@ -6,28 +6,29 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+import re
 from typing import Any
 
 from adaptation import arms
-from adaptation.arms import with_friction
+from adaptation.arms import message_of, with_friction
 import numpy as np
 import pytest
 
-from lip_id_ros.adaptation import live as live_module
 from lip_id_ros.adaptation.adapted_model import AdaptedModel
 from lip_id_ros.adaptation.follow_settings import FollowRules
-from lip_id_ros.adaptation.live import AdaptSettings, LiveAdaptation, payload_values, Step
-from lip_id_ros.errors import ConfigError
+from lip_id_ros.adaptation.followed import FollowedArm, WalkSettings
+from lip_id_ros.adaptation.live import AdaptSettings, LiveAdaptation, Step
+from lip_id_ros.errors import DataError
 from lip_id_ros.files import read_npz, write_npz
 from lip_id_ros.model import EffortCalibration, InverseDynamicsModel
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.settings import parameters_of
 from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.status import Level
 
 RATE_HZ, START_NS = 50.0, 1_000_000_000_000
+CENTRE, INERTIA = np.array([0.0, 0.0, 0.1]), np.array([0.003, 0.0, 0.0, 0.004, 0.0, 0.005])
 OUTCOMES = ('learned', 'held', 'disturbed', 'resting', 'settling')
-GATES = ('too_soon', 'after_a_gap', 'out_of_range', 'overrun', 'waiting')
+GATES = ('too_soon', 'after_a_gap', 'out_of_range', 'waiting')
 
 
 def states(
@@ -71,11 +72,9 @@ def path(tmp_path: Path) -> str:
     return str(tmp_path / 'model.npz')
 
 
-def live(path: str, **settings: Any) -> LiveAdaptation:
+def live(path: str, node: str = '/adapt', **settings: Any) -> LiveAdaptation:
     own: dict[str, Any] = {'state_path': path.replace('model', 'state'), **settings}
-    found = LiveAdaptation(AdaptSettings(model_path=path, **own), 0.0)
-    found.begin(1000.0)
-    return found
+    return LiveAdaptation(AdaptSettings(model_path=path, **own), node, 0.0, 1000.0)
 
 
 def feed(found: LiveAdaptation, messages: Iterator[JointMessage], now: float = 1.0) -> Step:
@@ -92,7 +91,7 @@ def test_friction_that_falls_comes_out_as_an_update_that_is_followed(path: str) 
     assert step.update is not None
     assert step.update.trusted
     adapted = AdaptedModel(model, FollowRules(0.0, 5.0, np.full(3, 5.0)))
-    adapted.take(step.update.to_text(), 0.0)
+    adapted.take(message_of(step.update), 0.0, 0)
     state = np.array([[0.3, -0.4, 0.5], [0.6, -0.5, 0.4], [0.0, 0.0, 0.0]])
     errors = [np.abs(each.query(*state).tau - warm.query(*state).tau).max() for each in (
         adapted.newest, model
@@ -114,7 +113,7 @@ def test_positions_that_are_reported_within_a_turn_teach_the_same(path: str) -> 
     replace(model, training_range=(low, high)).save(path)
     numbers = []
     for change in (iter, within_a_turn):
-        found = live(path, state_path='')
+        found = live(path, state_path='none')
         messages = list(states(with_friction(model, 0.5), 40.0, middle=np.pi))
         step = feed(found, change(iter(messages)))
         assert found.values()['out_of_range'] == 0
@@ -134,21 +133,19 @@ def test_an_alarm_that_comes_back_is_told_again(path: str) -> None:
     assert found.step(1.2, 1001.2).alarms == first
 
 
-def test_counters_rise_and_updates_stop_with_the_joint_states(path: str) -> None:
+def test_updates_stop_with_the_joint_states(path: str) -> None:
     found = live(path)
     assert found.step(0.0, 1000.0).update is None
     assert found.status(0.0).level is Level.WARN
-    first = feed(found, states(known_model(), 3.0)).update
-    second = found.step(2.0, 1002.0).update
-    assert first is not None
-    assert second is not None
-    assert second.counter == first.counter + 1
+    assert feed(found, states(known_model(), 3.0)).update is not None
+    assert found.step(2.0, 1002.0).update is not None
+    assert found.values()['updates'] == 2
     assert found.status(2.0).level is Level.OK
     assert found.step(4.0, 1004.0).update is None
     assert found.status(4.0).summary == 'no joint states: no updates'
 
 
-def test_what_was_learned_is_there_after_a_restart_with_a_higher_counter(path: str) -> None:
+def test_what_was_learned_is_there_after_a_restart(path: str) -> None:
     warm = with_friction(known_model(), 0.5)
     first = live(path)
     step = feed(first, states(warm, 40.0))
@@ -158,7 +155,6 @@ def test_what_was_learned_is_there_after_a_restart_with_a_higher_counter(path: s
     again = feed(second, states(warm, 20.0, start=100.0))
     assert step.update is not None
     assert again.update is not None
-    assert again.update.counter > step.update.counter + 60
     assert again.update.trusted
     np.testing.assert_allclose(again.update.numbers, step.update.numbers, atol=0.05)
 
@@ -175,7 +171,7 @@ def test_a_state_that_cannot_be_used_is_kept_aside(path: str, kind: str) -> None
     before = state.read_bytes()
     found = live(path)
     assert 'it is kept as' in found.values()['note']
-    assert state.with_name('state.npz.1').read_bytes() == before
+    assert state.with_name('state.npz.old').read_bytes() == before
     assert not state.exists()
     feed(found, states(known_model(), 3.0))
     assert found.status(1.0).level is Level.WARN
@@ -185,7 +181,6 @@ def test_a_state_that_cannot_be_used_is_kept_aside(path: str, kind: str) -> None
     ('key', 'value'),
     [
         *(('saved_at', x) for x in (np.nan, np.inf, -np.inf)),
-        *(('counter', x) for x in (np.nan, np.inf)),
         *(('payload', np.ones(k)) for k in (1, 3)),
         ('covariance', -np.eye(42)),
         ('covariance', np.triu(np.ones((42, 42)))),
@@ -206,34 +201,68 @@ def test_a_state_with_a_part_that_is_none_is_kept_aside(path: str, key: str, val
 
 
 def test_a_disk_that_fails_is_in_the_status(path: str, tmp_path: Path) -> None:
-    found = live(path, state_path=str(tmp_path / 'none' / 'state.npz'))
+    (tmp_path / 'file').touch()
+    found = live(path, state_path=str(tmp_path / 'file' / 'state.npz'))
     feed(found, states(known_model(), 3.0))
     found.save(1000.0)
     assert 'cannot be written' in found.status(1.0).summary
 
 
+@pytest.mark.parametrize('name', ['XDG_STATE_HOME', 'HOME'])
+def test_the_state_of_a_node_lies_under_its_full_name(
+    path: str, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv('XDG_STATE_HOME', raising=False)
+    monkeypatch.setenv(name, str(tmp_path))
+    live(path, node='/left/adapt', state_path='').save(1000.0)
+    folder = tmp_path / ('.local/state' if name == 'HOME' else '')
+    assert (folder / 'ros/lip_id_ros/left/adapt/adaptation.npz').exists()
+    assert live(path, node='/left/adapt', state_path='').note == ''
+
+
+def test_the_state_of_another_node_is_neither_followed_nor_touched(path: str) -> None:
+    first = live(path, node='/left/adapt')
+    first.announce(1.5, CENTRE, np.zeros(6), '')
+    first.step(0.0, 1000.0)
+    state = Path(path.replace('model', 'state'))
+    before = state.read_bytes()
+    found = live(path, node='/right/adapt')
+    assert found.values()['announced_kg'] == 0.0
+    assert found.note == (
+        f'state_path must be a file of /right/adapt alone, but {state} is of /left/adapt, whose '
+        'payloads are not carried here; nothing is kept until another one is given.'
+    )
+    feed(found, states(known_model(), 3.0))
+    assert found.status(1.0).summary == found.note
+    found.save(1001.0)
+    assert state.read_bytes() == before
+
+
 def test_an_announced_payload_is_in_the_update_at_once_and_a_reset_takes_it_off(
     path: str,
 ) -> None:
-    found = live(path, payload_mass=0.5, payload_centre=(0.0, 0.0, 0.1))
-    feed(found, states(known_model(), 3.0))
-    assert '0.5 ± 0 kg' in found.announce(True, 1000.0)
+    found = live(path)
+    found.announce(0.5, CENTRE, INERTIA, 'joint_3_link')
     step = found.step(1.5, 1001.5)
-    assert step.update is not None
+    assert step.update is not None  # though no joint state has come
     links = known_model().arm.links  # type: ignore[union-attr]
     numbers = step.update.numbers[: links.size].reshape(links.shape)
-    change = (numbers - links)[-1]
-    np.testing.assert_allclose(change[:4], [0.5, 0.0, 0.0, 0.05], atol=1e-12)
-    np.testing.assert_allclose(change[[4, 7, 9]], [0.005, 0.005, 0.0], atol=1e-12)
+    change = FollowedArm(known_model(), WalkSettings()).export_frame @ (numbers - links)[-1, :10]
+    np.testing.assert_allclose(change[:4], [0.5, 0.0, 0.0, 0.05], atol=1e-9)
+    np.testing.assert_allclose(change[[4, 7, 9]], [0.008, 0.009, 0.005], atol=1e-9)
     assert not step.update.trusted
-    assert payload_values(step.payloads[0].payload)['centre_z'] == pytest.approx(0.1)
+    mass, centre, inertia = step.carried
+    assert mass == pytest.approx(0.5)
+    np.testing.assert_allclose(centre, CENTRE, atol=1e-9)
+    np.testing.assert_allclose(inertia, INERTIA, atol=1e-9)
     assert found.values()['announced_kg'] == pytest.approx(0.5)
+    assert found.values()['payload'].startswith('0.5 ± 0 kg')
     again = live(path)
     assert again.values()['announced_kg'] == pytest.approx(0.5)
     carried = again.step(0.0, 1000.0).payloads[0].payload
     assert carried is not None
     assert carried.mass == pytest.approx(0.5)
-    found.reset(1002.0)
+    found.reset()
     step = found.step(1.6, 1001.6)
     assert step.update is not None
     assert [each.payload for each in step.payloads] == [None]
@@ -241,16 +270,48 @@ def test_an_announced_payload_is_in_the_update_at_once_and_a_reset_takes_it_off(
     assert live(path).values()['announced_kg'] == 0.0
 
 
-def test_a_payload_of_any_size_that_can_be_set_is_announced(path: str) -> None:
-    rows = parameters_of(AdaptSettings)
-    mass, centre = rows['payload_mass'].maximum, rows['payload_centre'].minimum
-    assert mass is not None
-    assert centre is not None
-    for name, value in (('payload_mass', 2.0 * mass), ('payload_centre', [2.0 * centre] * 3)):
-        with pytest.raises(ConfigError, match=f'{name} must be'):
-            rows[name].check(value, name)
-    found = live(path, payload_mass=mass, payload_centre=(centre, 0.0, -centre))
-    found.announce(True, 1000.0)
+def test_a_payload_that_is_put_down_while_the_arm_is_silent_is_published(path: str) -> None:
+    found = live(path)
+    found.announce(0.5, CENTRE, np.zeros(6), '')
+    assert found.step(0.0, 1000.0).update is not None
+    assert found.step(60.0, 1060.0).update is None
+    found.announce(0.0, np.full(3, np.nan), np.zeros(6), '')
+    step = found.step(61.0, 1061.0)
+    assert step.update is not None
+    links = known_model().arm.links  # type: ignore[union-attr]
+    np.testing.assert_array_equal(step.update.numbers[: links.size], links.ravel())
+    assert step.carried[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ('mass', 'centre', 'inertia', 'frame', 'sentence'),
+    [
+        (400.0, [0.0, 0.0, 120.0], 0.0, '', 'within 10 m of the last link, but has 400 kg at'),
+        (4000.0, [0.0, 0.0, 0.1], 0.0, '', 'a mass of up to 1000 kg'),
+        (-0.5, [0.0, 0.0, 0.1], 0.0, '', 'but has -0.5 kg'),
+        (np.nan, [0.0, 0.0, 0.1], 0.0, '', 'but has nan kg'),
+        (0.5, [0.0, np.inf, 0.1], 0.0, '', 'at (0, inf, 0.1) m'),
+        (0.5, [0.0, 0.0, 0.1], -0.1, '', 'an inertia about its centre of mass'),
+        (0.5, [0.0, 0.0, 0.1], np.nan, '', 'an inertia about its centre of mass'),
+        (0.5, [0.0, 0.0, 0.1], 0.0, 'tool0', 'joint_3_link, the frame of the last link'),
+    ],
+)
+def test_what_is_no_payload_is_refused(
+    path: str, mass: float, centre: list[float], inertia: float, frame: str, sentence: str
+) -> None:
+    found = live(path)
+    with pytest.raises(DataError, match=re.escape(sentence)):
+        found.announce(mass, np.array(centre), inertia * np.array([1, 0, 0, 1, 0, 1]), frame)
+    feed(found, states(known_model(), 3.0))
+    assert found.values()['announced_kg'] == 0.0
+    assert sentence in found.status(1.0).summary
+    found.announce(0.0, CENTRE, INERTIA, '')
+    assert sentence not in found.status(1.0).summary
+
+
+def test_a_payload_of_any_size_that_can_be_announced_leaves_numbers(path: str) -> None:
+    found = live(path)
+    found.announce(1000.0, np.array([-10.0, 0.0, 10.0]), np.zeros(6), '')
     step = feed(found, states(known_model(), 3.0))
     assert step.update is not None
     assert np.isfinite(step.update.numbers).all()
@@ -298,7 +359,7 @@ def test_joint_states_that_come_too_far_apart_are_in_the_status(path: str) -> No
 
 def test_an_arm_at_rest_and_one_out_of_its_range_are_counted_as_such(path: str) -> None:
     """It was trained within 1.5 rad, and may go a fifth of that beyond."""
-    found = live(path, range_margin=0.2)
+    found = live(path)
     feed(found, standing_at(1.79))
     assert found.values()['resting'] > 50
     assert found.values()['out_of_range'] == 0
@@ -342,18 +403,3 @@ def test_a_joint_state_that_cannot_be_used_is_refused(
         found.take(message)
     assert refused.value.reason is reason
     assert found.values()['refused'] == {reason.value: 1}
-
-
-def test_joint_states_that_are_not_learned_from_in_time_do_not_fill_the_memory(
-    path: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(live_module, 'MOST_WAITING', 30)
-    model, found = InverseDynamicsModel.load(path), live(path)
-    for message in states(model, 4.0):
-        found.take(message)
-    values = found.values()
-    assert values['waiting'] == 30
-    assert values['overrun'] > 20
-    found.step(1.0, 1001.0)
-    found.take(next(states(model, 1.0, start=4.1)))
-    assert found.values()['waiting'] == 1

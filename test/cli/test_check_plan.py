@@ -135,13 +135,13 @@ def test_a_weight_that_is_too_large(
     assert 'does not fit, not in 10 times its time either' in capsys.readouterr().out
 
 
-@pytest.mark.parametrize('limits', ['[]', 'robot_description', 'none'])
+@pytest.mark.parametrize(
+    'limits', ['torque_limits: []', 'torque_limits_from: none', 'joints: [shoulder]']
+)
 def test_parameters_without_numbers(
     workshop: Workshop, here: Path, largest: list[float], capsys: Capture, limits: str
 ) -> None:
-    (here / 'serve.yaml').write_text(
-        f'/**/serve:\n  ros__parameters:\n    torque_limits: {limits}\n'
-    )
+    (here / 'serve.yaml').write_text(f'/**/serve:\n  ros__parameters:\n    {limits}\n')
     assert main(['check-plan', str(workshop.model), 'plan.yaml', '--params', 'serve.yaml']) == 1
     assert 'torque_limits in serve.yaml must be numbers here' in capsys.readouterr().err
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,6 @@ from examples.demo.served import (
     JOINT_STATES,
     KINETIC,
     make_plan,
-    N_POINTS,
     outcome_of,
     PLAN_WITH_EFFORT,
     POTENTIAL,
@@ -84,7 +84,10 @@ def served_messages(exact: Dataset, measured: Dataset) -> dict[str, list[Any]]:
         content[POTENTIAL].append(Float64(data=float(exact.potential[row]) + 7.0))
     plan = make_plan(1)
     content[REFERENCE].append(plan)
-    content[PLAN_WITH_EFFORT].append(messages.with_effort(plan, np.zeros((N_POINTS, 7))))
+    filled = deepcopy(plan)
+    for point in filled.points:
+        point.effort = [0.0] * 7
+    content[PLAN_WITH_EFFORT].append(filled)
     return content
 
 

@@ -26,6 +26,7 @@ class Sum:
     joint_names: tuple[str, ...] = NAMES
     reach: float = 1e6
     has_potential: bool = True
+    dry: float = 0.0  # friction
 
     @property
     def n_joints(self) -> int:
@@ -56,14 +57,16 @@ class Sum:
 
     def query(self, q: Array, dq: Array, ddq: Array) -> Query:
         parts = self.factor * np.stack([q, 10 * dq, 100 * ddq])
-        return Query(parts.sum(axis=0), float(dq @ dq), np.nan, parts[0])
+        tau = parts.sum(axis=0) + self.dry * np.sign(dq)
+        return Query(tau, float(dq @ dq), np.nan, parts[0])
 
     def predict(
         self, q: Array, dq: Array, ddq: Array, t: Array | None = None, *, return_std: bool = False
     ) -> Prediction:
         gravity, coriolis, inertial = self.factor * np.stack([q, 10 * dq, 100 * ddq])
-        tau = gravity + coriolis + inertial
-        return Prediction(tau, (dq * dq).sum(axis=1), None, inertial, coriolis, gravity, 0 * tau)
+        friction = self.dry * np.sign(dq)
+        tau = gravity + coriolis + inertial + friction
+        return Prediction(tau, (dq * dq).sum(axis=1), None, inertial, coriolis, gravity, friction)
 
     def standard_deviation(
         self, q: Array, dq: Array, ddq: Array, t: Array | None = None, rows: Rows = EVERY

@@ -6,8 +6,8 @@ import contextlib
 from dataclasses import replace
 from typing import Any
 
-from adaptation.arms import known_model, with_friction
-from feedforward.arms import arm, NAMES, point
+from adaptation.arms import known_model, message_of, with_friction
+from feedforward.arms import arm, NAMES, point, Sum
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -26,7 +26,12 @@ from lip_id_ros.signals.status import Level
 
 POINT = point([1, 2], [3, 4], [5, 6])
 TAU = np.array([531.0, 642.0])  # of POINT
-PLAIN: dict[str, Any] = {'ramp_s': 0.0, 'safe_ramp_s': 0.0, 'rate_limits': (1e9,)}
+PLAIN: dict[str, Any] = {
+    'ramp_s': 0.0,
+    'safe_ramp_s': 0.0,
+    'rate_limits': (1e9,),
+    'refine_plans': False,
+}
 
 
 def serving(**settings: Any) -> Server:
@@ -37,7 +42,7 @@ def serving(**settings: Any) -> Server:
 
 
 def counted(server: Server) -> dict[str, int]:
-    keys = ('limited', 'rate_limited', 'out_of_range', 'uncertain', 'stale')
+    keys = ('limited', 'rate_limited', 'out_of_range', 'stale')
     return {key: server.values()[key] for key in keys if server.values()[key]}
 
 
@@ -64,9 +69,7 @@ def test_a_model_that_is_served_again_begins_as_it_was_commissioned() -> None:
         server.use(loaded, settings)
         server.enable()
         torques.append(server.sample(model.joint_names, [state], start).tau)
-        server.take_update(
-            Update(model.fingerprint, 5, numbers, True, (0.5, 1.0)).to_text(), start
-        )
+        server.take_update(message_of(Update(model.fingerprint, numbers, True)), start, 0)
         for k in range(4):
             last = server.sample(model.joint_names, [state], start + 0.1 * k)
         torques.append(last.tau)
@@ -91,9 +94,8 @@ def test_novelty_is_that_of_the_last_sample() -> None:
 
 def test_plan_is_answered_in_the_order_of_its_message() -> None:
     server = serving(torque_limits=[1000.0, 600.0])
-    tau = server.plan(
-        ['b', 'a'], [point([2, 1], [4, 3], [6, 5]), point([0, 1], [0, 0], [0, 0], 1.0)]
-    )
+    plan = [point([2, 1], [4, 3], [6, 5]), point([0, 1], [0, 0], [0, 0], 1.0)]
+    tau = server.plan(['b', 'a'], plan, 0.0).tau
     np.testing.assert_array_equal(tau, [[600.0, 531.0], [0.0, 1.0]])
     assert server.values()['answered'] == {'samples': 0, 'plans': 1, 'measured': 0}
 
@@ -103,53 +105,125 @@ def rest_to_rest(scale: float = 1.0) -> list[Any]:
     return [point([0, 0], [0, 0], [0, 0]), point([1, 0], [0, 0], [0, 0], scale)]
 
 
+def duration(server: Server, plan: list[Any]) -> float:
+    return float(server.plan(NAMES, plan, 0.0).plan.t[-1])
+
+
 def test_a_plan_beyond_limits_is_refused_where_that_is_asked_for() -> None:
     server = serving(torque_limits=[500.0], overload_policy='refuse')
     with pytest.raises(RefusedError, match='would exceed torque_limits'):
-        server.time_scale(NAMES, rest_to_rest())
+        server.plan(NAMES, rest_to_rest(), 0.0)
     assert server.values()['refused'] == {Refusal.OVERLOAD: 1}
-    assert server.time_scale(NAMES, rest_to_rest(1.2)) == 1.0
+    assert duration(server, rest_to_rest(1.2)) == 1.2
     assert server.values()['slowed'] == 0
 
 
 def test_a_plan_beyond_limits_is_slowed_where_that_is_asked_for() -> None:
     server = serving(torque_limits=[500.0], overload_policy='slow')
-    scale = server.time_scale(NAMES, rest_to_rest())
-    assert 1.05 < scale < 1.2
-    assert server.time_scale(NAMES, rest_to_rest(1.001 * scale)) == 1.0
+    slower = duration(server, rest_to_rest())
+    assert 1.05 < slower < 1.2
+    assert duration(server, rest_to_rest(1.001 * slower)) == pytest.approx(1.001 * slower)
     assert server.values()['slowed'] == 1
     heavy = [point([600, 0], [0, 0], [0, 0]), point([601, 0], [0, 0], [0, 0], 1.0)]
     with pytest.raises(RefusedError, match='found no slower plan that fits'):
-        server.time_scale(NAMES, heavy)
+        server.plan(NAMES, heavy, 0.0)
 
 
 def test_limits_hold_for_what_is_commanded() -> None:
     """A fifth of the torque, and without the gravity that the robot adds."""
     less = serving(torque_limits=[150.0], overload_policy='refuse', output_scale=0.2)
-    assert less.time_scale(NAMES, rest_to_rest()) == 1.0
+    assert duration(less, rest_to_rest()) == 1.0
     heavy = [point([600, 0], [0, 0], [0, 0]), point([601, 0], [0, 0], [0, 0], 2.0)]
     without = serving(torque_limits=[500.0], overload_policy='refuse', gravity=False)
-    assert without.time_scale(NAMES, heavy) == 1.0
+    assert duration(without, heavy) == 2.0
 
 
 def test_a_plan_beyond_limits_keeps_its_times_by_default() -> None:
-    server = serving(torque_limits=[1.0])
-    assert server.time_scale(NAMES, rest_to_rest()) == 1.0
-    assert serving(overload_policy='slow').time_scale(NAMES, rest_to_rest()) == 1.0  # no limits
+    assert duration(serving(torque_limits=[1.0]), rest_to_rest()) == 1.0
+    assert duration(serving(overload_policy='slow'), rest_to_rest()) == 1.0  # no limits
+
+
+def test_a_sparse_plan_gets_points_where_efforts_would_be_wrong() -> None:
+    server = serving(refine_plans=True)
+    found = server.plan(NAMES, rest_to_rest(), 0.0)
+    assert found.added > 5
+    assert np.abs(found.tau[:, 0]).max() > 570.0
+    assert found.missed[0] < 6.0  # a hundredth
+    assert server.values()['added_points'] == found.added
+    sparse = serving()
+    assert sparse.plan(NAMES, rest_to_rest(), 0.0).missed[0] > 570.0
+    assert sparse.judge('', 0.0) == (Level.WARN, 'messages with trouble: sparse_plans 1')
+
+
+def joint_state(q: list[float], stamp_ns: int = 1) -> JointMessage:
+    return JointMessage(stamp_ns, NAMES, q, [0.0, 0.0], [])
+
+
+def test_joints_that_a_plan_leaves_out_hold_their_position() -> None:
+    server = serving()
+    plan = [point([1], [0], [0]), point([2], [0], [0], 1.0)]
+    with pytest.raises(RefusedError, match='one is missing'):
+        server.plan(['b'], plan, 0.0)
+    assert server.measure(joint_state([7.0, 1.0]), 0.0)
+    found = server.plan(['b'], plan, 0.1)
+    assert found.plan.joint_names == ('b', 'a')
+    np.testing.assert_array_equal(found.tau[[0, -1]], [[1.0, 7.0], [2.0, 7.0]])
+    np.testing.assert_array_equal(found.plan.states[:, :, 1], [[7.0] * 2, [0.0] * 2, [0.0] * 2])
+
+
+def test_a_plan_of_one_point_begins_where_the_arm_is() -> None:
+    server = serving(refine_plans=True)
+    assert server.measure(joint_state([0.0, 0.0]), 0.0)
+    found = server.plan(NAMES, [point([1, 0], [0, 0], [], 1.0)], 0.1)
+    assert found.added > 1
+    assert found.plan.t[0] > 0.0
+    np.testing.assert_allclose(
+        found.plan.states[0, :, 0], 3 * found.plan.t**2 - 2 * found.plan.t**3
+    )
+    np.testing.assert_array_equal(found.tau[-1], [1.0, 0.0])
+    alone = server.plan(NAMES, [point([1, 0], [0, 0], [], 1.0)], 9.0)  # nobody knows where it is
+    np.testing.assert_array_equal(alone.tau, [[1.0, 0.0]])
+
+
+def test_efforts_are_those_of_the_speed_of_the_controller() -> None:
+    full, slow, still = (
+        serving().sample(NAMES, [POINT], 0.0, speed=speed).tau for speed in (1.0, 0.3, 0.0)
+    )
+    np.testing.assert_allclose(full, TAU)
+    np.testing.assert_allclose(slow, [1 + 9 + 45, 2 + 12 + 54])
+    np.testing.assert_array_equal(still, [1.0, 2.0])
+    plan = [POINT, point([1, 2], [3, 4], [5, 6], 1.0)]
+    np.testing.assert_allclose(serving().plan(NAMES, plan, 0.0, speed=0.3).tau[0], slow)
+    with pytest.raises(RefusedError, match='speed_scaling_factor must be a number'):
+        serving().sample(NAMES, [POINT], 0.0, speed=np.nan)
 
 
 def test_the_rate_of_a_plan_follows_its_times() -> None:
     server = serving(rate_limits=[10.0])
     still = ([0, 0], [0, 0])
     plan = [point([t * 100, 0], *still, t) for t in (0.0, 0.5, 2.5)]
-    np.testing.assert_array_equal(server.plan(NAMES, plan)[:, 0], [0.0, 5.0, 25.0])
+    np.testing.assert_array_equal(server.plan(NAMES, plan, 0.0).tau[:, 0], [0.0, 5.0, 25.0])
     assert counted(server) == {'rate_limited': 2}
 
 
 def test_gravity_is_left_out_where_the_robot_adds_its_own() -> None:
     server = serving(gravity=False)
     np.testing.assert_array_equal(server.sample(NAMES, [POINT], 0.0).tau, TAU - [1, 2])
-    np.testing.assert_array_equal(server.plan(NAMES, [POINT]), [TAU - [1, 2]])
+    np.testing.assert_array_equal(server.plan(NAMES, [POINT], 0.0).tau, [TAU - [1, 2]])
+
+
+@pytest.mark.parametrize('gravity', [True, False])
+def test_friction_is_left_out_where_the_drives_compensate_it(gravity: bool) -> None:
+    dry = replace(arm(), model=Sum(dry=7.0))
+    wanted = TAU - (0.0 if gravity else np.array([1.0, 2.0]))
+    for friction in (True, False):
+        settings = ServeSettings(gravity=gravity, friction=friction, **PLAIN)
+        server = Server()
+        server.use(dry, settings)
+        server.enable()
+        expected = wanted + 7.0 * friction
+        np.testing.assert_array_equal(server.sample(NAMES, [POINT], 0.0).tau, expected)
+        np.testing.assert_array_equal(server.plan(NAMES, [POINT], 0.0).tau, [expected])
 
 
 def test_the_scale_is_one_of_gravity_too() -> None:
@@ -163,7 +237,7 @@ def test_the_scale_is_one_of_gravity_too() -> None:
 def test_plan_with_a_foreign_joint_is_refused_and_counted() -> None:
     server = serving()
     with pytest.raises(RefusedError, match='one is not in the model'):
-        server.plan(['a', 'b', 'tool'], [point([1] * 3, [1] * 3, [1] * 3)] * 2)
+        server.plan(['a', 'b', 'tool'], [point([1] * 3, [1] * 3, [1] * 3, t) for t in (0, 1)], 0.0)
     assert server.values()['refused'] == {Refusal.FOREIGN_JOINT: 1}
 
 
@@ -173,7 +247,7 @@ def test_torque_that_is_not_finite_never_leaves() -> None:
     with pytest.raises(RefusedError, match='not be finite'):
         server.sample(NAMES, [POINT], 0.0)
     with pytest.raises(RefusedError, match='not be finite'):
-        server.plan(NAMES, [POINT])
+        server.plan(NAMES, [POINT], 0.0)
     assert server.values()['refused'] == {Refusal.NOT_FINITE_TORQUE: 2}
     assert server.values()['answered'] == {'samples': 0, 'plans': 0, 'measured': 0}
     assert server.judge('', 0.0) == (
@@ -266,7 +340,7 @@ def test_a_stream_that_begins_late_is_ramped_in_all_the_same() -> None:
 def test_refused_references_do_not_hold_a_torque(
     refused: tuple[list[float], list[float], list[float]],
 ) -> None:
-    server = serving(stale_timeout_s=0.5, safe_ramp_s=0.1, range_policy='off')
+    server = serving(stale_timeout_s=0.5, safe_ramp_s=0.1, range_policy='ignore')
     server.sample(NAMES, [POINT], 0.0)
     for tick, share in enumerate([1.0, 0.8, 0.6, 0.4, 0.2, 0.0, 0.0, 0.0]):
         now = 0.6 + 0.02 * tick
@@ -281,39 +355,49 @@ def test_refused_references_do_not_hold_a_torque(
 def test_the_safe_torque_of_gravity_is_that_of_where_the_arm_is() -> None:
     server = serving(stale_timeout_s=0.5, stale_policy='gravity', torque_limits=[50.0])
     server.sample(NAMES, [POINT], 1.0)
-    np.testing.assert_array_equal(server.safe_torque(2.0), [1.0, 2.0])
-    assert server.measure(JointMessage(1, ('b', 'a'), [70.0, 3.0], [0.0, 0.0], []), 2.1)
-    np.testing.assert_array_equal(server.safe_torque(2.2), [3.0, 50.0])
-    np.testing.assert_array_equal(server.safe_torque(99.0), [3.0, 50.0])  # where last measured
+    assert server.measure(joint_state([3.0, 70.0]), 1.9)
+    np.testing.assert_array_equal(server.safe_torque(2.0), [3.0, 50.0])
     without = ServeSettings(stale_timeout_s=0.5, stale_policy='gravity', gravity=False, **PLAIN)
     server.adjust(without)
-    np.testing.assert_array_equal(server.safe_torque(99.1), [0.0, 0.0])
+    np.testing.assert_array_equal(server.safe_torque(2.1), [0.0, 0.0])
 
 
-def test_the_safe_torque_of_gravity_stays_where_the_arm_was_measured_and_ramps_elsewhere() -> None:
-    """Joint states that stop, or freeze: no step to where the last reference asked for."""
+def test_gravity_of_a_place_left_long_ago_is_not_held() -> None:
+    """Joint states died at 1.5 rad, references went on to -1.5: +8 N m was held for -8."""
     server = serving(stale_timeout_s=0.5, stale_policy='gravity', safe_ramp_s=0.1)
-    asked = point([80.0, 0.0], [0.0, 0.0], [0.0, 0.0])
-
-    def measure(stamp_ns: int, q: float, now: float) -> Any:
-        return server.measure(JointMessage(stamp_ns, NAMES, [q, 0.0], [0.0, 0.0], []), now)
 
     def safe(now: float) -> float:
         tau = server.safe_torque(now)
         assert tau is not None
         return float(tau[0])
 
-    server.sample(NAMES, [asked], 0.0)
-    assert measure(1, 10.0, 0.0)
-    rising = [safe(0.6 + 0.02 * tick) for tick in range(7)]
-    np.testing.assert_allclose(rising, [80.0, 66.0, 52.0, 38.0, 24.0, 10.0, 10.0])
+    for tick in range(100):
+        now = 0.02 * tick
+        if tick < 25:
+            assert server.measure(joint_state([1.5, 0.0], 1 + tick), now)
+        server.sample(NAMES, [point([1.5 - 0.03 * tick, 0.0], [0.0, 0.0], [0.0, 0.0])], now)
+    level, sentence = server.judge('', 1.98)
+    assert level == Level.WARN
+    assert sentence.startswith('no joint states: where references stop, zero torque is published')
+    assert [safe(2.5 + 0.02 * tick) for tick in range(7)][-1] == 0.0
     for tick in range(100):  # one frozen stamp, of another position
-        assert measure(1, 70.0, 1.0 + 0.02 * tick) is None
-        assert safe(1.0 + 0.02 * tick) == pytest.approx(10.0)
-    assert server.values()['unmeasured'] == {Refusal.REPEATED_STAMP: 100}
-    assert measure(2, 20.0, 3.0)
-    back = [safe(3.0 + 0.02 * tick) for tick in range(7)]
-    np.testing.assert_allclose(back, [10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 20.0])
+        server.measure(joint_state([70.0, 0.0], 25), 3.0 + 0.02 * tick)
+        assert safe(3.0 + 0.02 * tick) == 0.0
+    assert server.measure(joint_state([20.0, 0.0], 26), 6.0)
+    back = [safe(6.0 + 0.02 * tick) for tick in range(7)]
+    np.testing.assert_allclose(back, [0.0, 4.0, 8.0, 12.0, 16.0, 20.0, 20.0])
+
+
+def test_the_end_of_a_stream_is_followed_by_the_safe_torque_at_once() -> None:
+    server = serving(stale_timeout_s=0.0)
+    server.end_stream()
+    assert server.safe_torque(0.0) is None
+    server.sample(NAMES, [POINT], 1.0)
+    assert server.safe_torque(99.0) is None
+    server.end_stream()
+    np.testing.assert_array_equal(server.safe_torque(99.0), [0.0, 0.0])
+    server.sample(NAMES, [POINT], 100.0)
+    assert server.safe_torque(100.1) is None
 
 
 def test_the_rate_counts_from_a_zero_that_was_published() -> None:
@@ -338,7 +422,7 @@ def test_the_safe_torque_keeps_to_the_rate() -> None:
 
 @pytest.mark.parametrize(
     ('policy', 'expected', 'count'),
-    [('off', 1.0, 0), ('warn', 1.0, 2), ('scale', 0.5, 2), ('zero', 0.0, 2)],
+    [('ignore', 1.0, 0), ('warn', 1.0, 2), ('scale', 0.5, 2), ('zero', 0.0, 2)],
 )
 def test_references_outside_the_training_range(policy: str, expected: float, count: int) -> None:
     server = Server()
@@ -346,7 +430,7 @@ def test_references_outside_the_training_range(policy: str, expected: float, cou
     server.use(arm(reach=4.0), settings)
     server.enable()
     np.testing.assert_array_equal(server.sample(NAMES, [POINT], 0.0).tau, expected * TAU)
-    np.testing.assert_array_equal(server.plan(NAMES, [POINT]), [expected * TAU])
+    np.testing.assert_array_equal(server.plan(NAMES, [POINT], 0.0).tau, [expected * TAU])
     assert server.values()['out_of_range'] == count
     level, _ = server.judge('', 0.0)
     assert level == (Level.WARN if count else Level.OK)
@@ -393,16 +477,16 @@ def test_a_plan_whose_times_do_not_increase_is_refused(t: tuple[float, ...]) -> 
     server = serving()
     plan = [point([1, 2], [3, 4], [5, 6], time) for time in t]
     with pytest.raises(RefusedError, match='begin at 0 or later and increase'):
-        server.plan(NAMES, plan)
+        server.plan(NAMES, plan, 0.0)
     assert server.values()['refused'] == {Refusal.NOT_INCREASING: 1}
 
 
 def test_a_plan_beyond_the_bound_is_refused() -> None:
     server = serving(max_plan_points=3)
     plan = [point([1, 2], [3, 4], [5, 6], float(number)) for number in range(4)]
-    assert server.plan(NAMES, plan[:3]).shape == (3, 2)
+    assert server.plan(NAMES, plan[:3], 0.0).tau.shape == (3, 2)
     with pytest.raises(RefusedError, match='more points than max_plan_points'):
-        server.plan(NAMES, plan)
+        server.plan(NAMES, plan, 0.0)
     assert server.values()['refused'] == {Refusal.TOO_LONG: 1}
 
 
@@ -433,8 +517,8 @@ def test_every_message_is_answered_or_refused(kinds: list[int]) -> None:
     calls = (
         lambda: server.sample(NAMES, [POINT], 1.0),
         lambda: server.sample(('a',), [POINT], 1.0),
-        lambda: server.plan(NAMES, plan),
-        lambda: server.plan(NAMES, plan[::-1]),
+        lambda: server.plan(NAMES, plan, 0.0),
+        lambda: server.plan(NAMES, plan[::-1], 0.0),
         lambda: server.disable(0.0),
         server.enable,
     )

@@ -21,7 +21,7 @@ from lip_id_ros.feedforward.settings import (
     ServeSettings,
     unbounded,
 )
-from lip_id_ros.feedforward.shaping import factors, Shaper, std_excess, TrainingRange
+from lip_id_ros.feedforward.shaping import factors, Shaper, TrainingRange
 from lip_id_ros.signals.joints import by_joint, RefusedError
 from lip_id_ros.signals.torque_steps import LONGEST_STEP_S, Sent
 
@@ -42,7 +42,7 @@ def shaper(counts: Counter[str] | None = None, **settings: Any) -> Shaper:
 
 
 def sampled(stream: Shaper, tau: Array, now: float) -> Array:
-    return stream.sample(tau, now, STILL, None)
+    return stream.sample(tau, now, STILL)
 
 
 def planned(stream: Shaper, tau: Array, t: Array) -> Array:
@@ -138,16 +138,11 @@ def test_values_follow_their_joints() -> None:
     assert values((), ()) == [7.0, 7.0]
 
 
-@pytest.mark.parametrize('name', ['torque_limits', 'rate_limits', 'range_margin', 'std_limits'])
+@pytest.mark.parametrize('name', ['torque_limits', 'rate_limits', 'range_margin'])
 def test_wrong_number_of_values_gives_one_sentence(name: str) -> None:
     sentence = rf'^{name} must hold one value per joint \(3\).*holds 2: .* of a, b, c\.$'
     with pytest.raises(ConfigError, match=sentence):
         shaper(None, **{name: (1.0, 2.0)})
-
-
-def test_a_check_of_standard_deviations_needs_limits() -> None:
-    with pytest.raises(ConfigError, match=r'std_policy is zero, but it is empty; give one per'):
-        make_rules(ServeSettings(std_policy='zero'), NAMES)
 
 
 def test_a_ramp_goes_on_from_its_share_when_its_duration_changes() -> None:
@@ -172,7 +167,6 @@ def test_a_ramp_goes_on_from_its_share_when_its_duration_changes() -> None:
         {'gravity': False},
         {'output_scale': 0.0},
         {'range_policy': 'zero'},
-        {'std_policy': 'zero', 'std_limits': (1.0,)},
     ],
 )
 def test_a_setting_that_changes_torques_is_ramped_to(changed: dict[str, Any]) -> None:
@@ -208,19 +202,28 @@ def test_a_missing_bound_is_warned_of() -> None:
     assert unbounded(ServeSettings(torque_limits=(1.0,))) is None
     both = 'torques are not limited, and neither are their steps'
     assert unbounded(ServeSettings()) == both
-    assert unbounded(ServeSettings(torque_limits='none')) == both
+    assert unbounded(ServeSettings(torque_limits=(1.0,), torque_limits_from='none')) == both
     assert unbounded(ServeSettings(rate_limits=(1.0,))) == 'torques are not limited'
 
 
 def test_limits_of_an_active_node_are_changed_not_removed() -> None:
     before = make_rules(ServeSettings(torque_limits=(5.0,)), NAMES)
     require_bounded(ServeSettings(torque_limits=(9.0,)), before, NAMES)
-    for limits, sentence in (((), 'must hold the largest'), ('none', 'not removed while')):
-        with pytest.raises(ConfigError, match=rf'torque_limits .*{sentence}'):
-            require_bounded(ServeSettings(torque_limits=limits), before, NAMES)
-    before = make_rules(ServeSettings(torque_limits='none', rate_limits=(9.0,)), NAMES)
+    for source, sentence in (
+        ('parameters', 'must hold the largest'),
+        ('none', 'not removed while'),
+        ('robot_description', 'deactivate the node first'),
+    ):
+        with pytest.raises(ConfigError, match=rf'torque_limits.* .*{sentence}'):
+            require_bounded(ServeSettings(torque_limits_from=source), before, NAMES)
+    before = make_rules(ServeSettings(torque_limits_from='none', rate_limits=(9.0,)), NAMES)
     with pytest.raises(ConfigError, match=r'rate_limits .*not removed'):
-        require_bounded(ServeSettings(torque_limits='none'), before, NAMES)
+        require_bounded(ServeSettings(torque_limits_from='none'), before, NAMES)
+
+
+def test_limits_that_are_still_to_be_read_let_no_torque_out() -> None:
+    rules = make_rules(ServeSettings(torque_limits_from='robot_description'), NAMES)
+    assert (rules.limits == 0.0).all()
 
 
 BOX = TrainingRange(np.array([[-1.0, 0.0]] * 3), np.array([[1.0, 4.0]] * 3))
@@ -249,8 +252,8 @@ def test_the_known_range_stays_the_same_however_often_settings_change() -> None:
     stream, tau = Shaper(rules, trained, Sent(np.zeros(3)), counts), np.ones(3)
     for _ in range(3):
         stream.adjust(rules)
-    np.testing.assert_array_equal(stream.sample(tau, 0.0, np.full((3, 3), 1.4), None), tau)
-    assert not stream.sample(tau, 0.1, np.full((3, 3), 1.6), None).any()
+    np.testing.assert_array_equal(stream.sample(tau, 0.0, np.full((3, 3), 1.4)), tau)
+    assert not stream.sample(tau, 0.1, np.full((3, 3), 1.6)).any()
     assert counts['out_of_range'] == 1
 
 
@@ -258,11 +261,6 @@ def test_a_joint_that_did_not_move_may_not_move() -> None:
     still = TrainingRange(np.full((3, 1), 0.5), np.full((3, 1), 0.5))
     assert still.excess(np.full((3, 1), 0.5)) == 0.0
     assert still.excess(np.full((3, 1), 0.6)) > 2.0
-
-
-def test_the_worst_joint_decides_on_the_standard_deviation() -> None:
-    assert std_excess(np.array([1.0, 6.0]), np.array([4.0, 3.0])) == 2.0
-    assert std_excess(np.array([np.inf, 1.0]), np.array([4.0, 3.0])) == np.inf
 
 
 @pytest.mark.parametrize(

@@ -7,16 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from adaptation.arms import known_model, stream
+from adaptation.arms import known_model, message_of, stream
 from nodes import toy
 import numpy as np
 import pytest
 
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.arrays import Array
-from lip_id_ros.errors import ConfigError, ModelError
+from lip_id_ros.errors import ConfigError, DataError, ModelError
 from lip_id_ros.model import DynamicsModel, InverseDynamicsModel, Prediction
-from lip_id_ros.monitoring.monitor import Monitor, MonitorSettings, Watched
+from lip_id_ros.monitoring.monitor import Monitor, Watched
+from lip_id_ros.monitoring.settings import MonitorSettings
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joints import RefusedError
 from lip_id_ros.signals.status import Level
@@ -44,6 +45,19 @@ def message(row: int, contact: float = 0.0, shift_s: float = 0.0) -> JointMessag
     return JointMessage(stamp, toy.JOINTS[::-1], q, dq, tau)
 
 
+def touches(watched: Watched) -> bool:
+    assert watched.contacts is not None
+    return bool(watched.contacts['contact'].any())
+
+
+def is_beyond(watched: Watched) -> bool:
+    """Whether a torque is beyond its threshold at a joint that sees."""
+    found = watched.contacts
+    assert found is not None
+    beyond = np.abs(found['torque']) > found['threshold']
+    return bool((beyond > found['blind']).any())
+
+
 def take(watching: Monitor, rows: range, contact: float = 0.0) -> list[Watched]:
     found = [watching.take(message(row, contact)) for row in rows]
     return [each for each in found if each is not None]
@@ -52,24 +66,24 @@ def take(watching: Monitor, rows: range, contact: float = 0.0) -> list[Watched]:
 @pytest.mark.slow
 def test_a_contact_is_detected_in_time_after_calibration(path: str) -> None:
     watching = monitor(path)
-    assert all(each.contact is None for each in take(watching, range(200)))
+    assert all(each.contacts is None for each in take(watching, range(200)))
     assert watching.values()['state'] == 'not calibrated'
-    assert watching.calibrate() == (
+    assert watching.contacts.calibrate() == (
         'watching 5 s of motion; move all joints as in use, without any contact'
     )
     take(watching, range(200, 701))
     assert watching.values()['state'] == 'watching'
     assert all(0.0 < each < 0.5 for each in watching.values()['deviation_constant'])
 
-    assert not any(each.contact for each in take(watching, range(701, 1200)))
+    assert not any(touches(each) for each in take(watching, range(701, 1200)))
     pushed = take(watching, range(1200, 1230), contact=1.0)
-    flagged = [bool(each.contact) for each in pushed]
+    flagged = [touches(each) for each in pushed]
     assert flagged.index(True) < 10  # 100 ms
     assert flagged == sorted(flagged)  # held
     np.testing.assert_allclose(pushed[-1].external.torque, CONTACT, atol=0.3)
     assert watching.values()['contacts'] == 1
     # let go of: a step too, then flagged no more
-    assert not take(watching, range(1230, 1400))[-1].contact
+    assert not touches(take(watching, range(1230, 1400))[-1])
 
 
 @pytest.mark.slow
@@ -80,8 +94,8 @@ def test_deviations_can_be_given_and_are_what_the_status_has(path: str) -> None:
     assert values['deviation_constant'] == [0.2, 0.15]
     assert values['deviation_torque'] == values['deviation_inertial'] == [0.0, 0.0]
     assert values['deviation_rest'] == [0.5, 0.5]
-    assert not any(each.contact for each in take(watching, range(300)))
-    assert any(each.contact for each in take(watching, range(300, 310), contact=1.0))
+    assert not any(touches(each) for each in take(watching, range(300)))
+    assert any(touches(each) for each in take(watching, range(300, 310), contact=1.0))
 
 
 @pytest.mark.parametrize('hold_s', [0.0, 0.2, 0.7])
@@ -89,7 +103,7 @@ def test_what_touches_is_a_contact_however_long_it_is_held(path: str, hold_s: fl
     watching = monitor(path, hold_s=hold_s, deviation_constant=(0.2,), deviation_torque=(0.0,))
     take(watching, range(300))
     pushed = take(watching, range(300, 330), contact=1.0)
-    touching = [each.contact for each in pushed if each.judged and each.judged.touched.any()]
+    touching = [touches(each) for each in pushed if is_beyond(each)]
     assert touching
     assert all(touching)
 
@@ -117,7 +131,7 @@ def test_what_comes_too_often_is_left_aside(path: str) -> None:
 def test_a_gap_and_a_clock_set_back_begin_anew(path: str, shift_s: float, n_doubted: int) -> None:
     watching = monitor(path, deviation_constant=(0.2,))
     take(watching, range(100))
-    assert take(watching, range(100, 120), contact=1.0)[-1].contact
+    assert touches(take(watching, range(100, 120), contact=1.0)[-1])
     for row in range(120, 120 + n_doubted):
         with pytest.raises(RefusedError):
             watching.take(message(row, 0.0, shift_s))
@@ -125,7 +139,7 @@ def test_a_gap_and_a_clock_set_back_begin_anew(path: str, shift_s: float, n_doub
     assert after[0] is None
     known = [each for each in after[1:] if each is not None]
     assert len(known) == 79 - n_doubted
-    assert not any(each.contact for each in known)
+    assert not any(touches(each) for each in known)
     assert np.abs([each.external.torque for each in known]).max() < 0.3
 
 
@@ -133,11 +147,11 @@ def test_nothing_is_judged_before_the_observer_has_settled(path: str) -> None:
     watching = monitor(path, deviation_constant=(0.2,), deviation_torque=(0.0,))
     take(watching, range(100))
     began = take(watching, range(130, 150), contact=1.0)
-    blind = [bool(each.judged.blind.all()) for each in began if each.judged is not None]
+    blind = [bool(each.contacts['blind'].all()) for each in began if each.contacts is not None]
     assert blind == sorted(blind, reverse=True)
     assert blind.count(True) == 16  # 8 / 50 s
-    assert not any(each.contact for each in began[:16])
-    assert began[-1].contact
+    assert not any(touches(each) for each in began[:16])
+    assert touches(began[-1])
     assert watching.values()['blind'] > 16  # those at the start too
 
 
@@ -253,15 +267,42 @@ def test_another_robot_on_the_same_topic_disturbs_nothing(path: str, shift_s: fl
     assert (level, summary) == (Level.ERROR, 'blind: joint states refused: only foreign joints 3')
 
 
-def test_a_calibration_that_failed_gives_the_reason_and_keeps_the_deviations(path: str) -> None:
+def test_a_calibration_that_failed_gives_the_smallest_contacts_and_keeps_the_deviations(
+    path: str,
+) -> None:
     watching = monitor(path, smallest_contact=(1e-4,), deviation_constant=(0.15,))
-    watching.calibrate()
+    watching.contacts.calibrate()
     take(watching, range(600))
-    assert watching.values()['failure'].startswith(
-        'not calibrated: a contact of 0.0001 N m or N at '
+    values = watching.values()
+    assert values['failure'].startswith(
+        'not calibrated: contacts at shoulder 0.0001, elbow 0.0001'
     )
-    assert watching.values()['deviation_constant'] == [0.15, 0.15]
-    assert watching.values()['state'] == 'watching'
+    assert values['deviation_constant'] == [0.15, 0.15]
+    assert values['state'] == 'watching'
+    shoulder, elbow = least = values['least_contact']
+    assert f'shoulder {shoulder:g}, elbow {elbow:g} N m or N would' in values['failure']
+    found = watching.contacts.outcome()[1]
+    assert found['smallest_contact'] == least
+    assert found['joints'] == list(toy.JOINTS)
+
+    with pytest.raises(DataError, match='contacts at elbow'):
+        watching.contacts.require_shown((shoulder, 0.9 * elbow))
+    watching.contacts.require_shown(least)
+    watching.contacts.find(least)
+    values = watching.values()
+    assert values['failure'] == ''
+    np.testing.assert_allclose(values['deviation_constant'], found['deviation_constant'], 1e-3)
+    assert any(touches(each) for each in take(watching, range(600, 630), contact=1.0))
+    assert monitor(path, **found).values()['state'] == 'watching'
+
+
+def test_without_a_calibration_contacts_of_any_size_are_taken(path: str) -> None:
+    watching = monitor(path, deviation_constant=(0.2,), deviation_torque=(0.0,))
+    watching.contacts.find((100.0,))
+    assert not any(touches(each) for each in take(watching, range(300, 330), contact=1.0))
+    with pytest.raises(ConfigError, match='smallest_contact must hold one value per joint'):
+        watching.contacts.require_shown((1.0, 1.0, 1.0))
+    assert watching.contacts.outcome()[1] == {}
 
 
 def test_a_model_or_a_list_that_does_not_fit_is_refused(path: str) -> None:
@@ -327,7 +368,7 @@ def test_of_two_clocks_one_is_followed_and_the_other_warned_of(path: str) -> Non
 
 def test_calibration_needs_motion(path: str) -> None:
     watching = monitor(path)
-    watching.calibrate()
+    watching.contacts.calibrate()
     for number in range(600):
         stamp = START_NS + 10_000_000 * number
         watching.take(JointMessage(stamp, toy.JOINTS, [0.1, 0.2], [0.0, 0.0], [0.8, 0.6]))
@@ -342,11 +383,11 @@ def test_updates_are_followed_where_that_is_asked_for_and_the_model_comes_back(p
     model = InverseDynamicsModel.load(path)
     assert model.arm is not None
     heavier = np.concatenate([1.2 * model.arm.links.ravel(), model.arm.friction.coefficients])
-    text = Update(model.fingerprint, 1, heavier, True, (0.5, 1.0)).to_text()
+    update = message_of(Update(model.fingerprint, heavier, True))
     plain = monitor(path)
-    plain.take_update(text, 0.0)
+    plain.take_update(update, 0.0, 0)
     follows = monitor(path, follow_adaptation=True, blend_s=0.0, adaptation_limit=(5.0,))
-    follows.take_update(text, 0.0)
+    follows.take_update(update, 0.0, 0)
     expected = take(plain, range(100))[-1].external.torque
     found = take(follows, range(100))[-1].external.torque
     np.testing.assert_allclose(found - expected, -0.2 * TAU[99], atol=0.5)
@@ -354,11 +395,12 @@ def test_updates_are_followed_where_that_is_asked_for_and_the_model_comes_back(p
     assert plain.values()['adaptation'] == {}
     assert follows.judge(1.0)[0] is Level.OK
     with pytest.raises(RefusedError):
-        follows.take_update(text, 1.0)
-    assert follows.judge(1.1) == (Level.WARN, 'updates refused: update not newer 1')
+        follows.take_update(update, 1.0, 10**10)
+    assert follows.judge(1.1) == (Level.WARN, 'updates refused: update too old 1')
     take(follows, range(100, 102))
-    sentence = 'serves the commissioned model: no update for 5 s'
-    assert follows.judge(6.0) == (Level.WARN, sentence)
+    level, sentence = follows.judge(6.0)
+    assert level is Level.WARN
+    assert sentence.startswith('follows the commissioned model: no update for 5 s; start adapt')
     assert follows.values()['adaptation']['model'] == 'commissioned'
 
 

@@ -18,6 +18,7 @@ from lip_id_ros.errors import DataError
 from lip_id_ros.model import DynamicsModel, Prediction
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.monitoring import (
+    Calibration,
     Contact,
     ContactDetector,
     Deviation,
@@ -25,9 +26,7 @@ from lip_id_ros.monitoring import (
     external_torques,
     ExternalTorque,
 )
-from lip_id_ros.monitoring.detection import FreeMotion, MOST_KEPT
 from lip_id_ros.monitoring.external_torque import BANDWIDTH
-from lip_id_ros.monitoring.observers import DisturbanceObserver
 
 CONTACT = np.array([1.0, -2.0, 0.5])
 
@@ -62,15 +61,26 @@ def pushed(data: Dataset) -> Array:
     return data.tau - np.outer(late, CONTACT)
 
 
+class Filling:
+    """A model whose energy is its position."""
+
+    training_range = (np.zeros((3, 1)), np.zeros((3, 1)))
+
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Prediction:
+        still = np.zeros_like(q)
+        return Prediction(still, q[:, 0], None, still, still, still, still)
+
+
 @pytest.mark.parametrize('step', [1e-3, 1e-2, 1.0])
 def test_observer_follows_what_is_not_explained(step: float) -> None:
-    observer, gain = DisturbanceObserver(20.0), 20.0
+    """The energy rises by 4 W, of which the drive supplies 1 W."""
+    monitor, gain, one = EnergyMonitor(Filling(), 20.0), 20.0, np.ones(1)
     t = np.arange(0.0, 3.0 + step, step)
-    found = [observer.update(time, np.array([5.0 + 4.0 * time]), np.array([1.0])) for time in t]
+    found = [monitor.update(x, np.array([5.0 + 4.0 * x]), one, one).unexplained for x in t]
     assert found[0] == 0
     assert found[-1] == pytest.approx(3.0, rel=0.05)
     if step == 1e-3:
-        np.testing.assert_allclose(np.ravel(found), 3 * (1 - np.exp(-gain * t)), atol=0.05)
+        np.testing.assert_allclose(found, 3 * (1 - np.exp(-gain * t)), atol=0.05)
 
 
 def estimates(data: Dataset, tau: Array, model: DynamicsModel | None = None) -> Array:
@@ -219,22 +229,7 @@ def free_estimates(rng: np.random.Generator, n: int = 4000) -> list[ExternalTorq
 
 def calibrated(smallest: float | list[float], error: float = 0.0) -> ContactDetector:
     free = free_estimates(np.random.default_rng(3))
-    return ContactDetector.calibrated(('shoulder', 'elbow'), free, smallest, error)
-
-
-def test_hours_of_free_motion_are_kept_thinned_and_teach_the_same() -> None:
-    estimate = free_estimates(np.random.default_rng(3), 100_000)
-    free = FreeMotion(3600.0, 2)
-    still = np.zeros(2)
-    for row, each in enumerate(estimate):
-        free.add(1e-3, np.full(2, 1.0 if row == 77_777 else 0.0), each)
-    assert len(free.kept) <= MOST_KEPT
-    assert free.kept[1] is estimate[8]
-    assert free.kept[-1] is estimate[8 * (len(free.kept) - 1)]
-    assert 100_000 - 8 * len(free.kept) < 8
-    shares = free.detector(('shoulder', 'elbow'), np.full(2, 10.0), still).deviation.shares
-    np.testing.assert_allclose(shares[:, 0], [0.2, 0.3, 0.0, 0.5], atol=0.06)
-    free.require_motion(('shoulder', 'elbow'), np.full(2, 5.0))  # of all samples
+    return Calibration.of(free, error).detector(('shoulder', 'elbow'), smallest)
 
 
 def test_deviations_are_those_of_the_free_motion() -> None:
@@ -283,16 +278,27 @@ def test_a_joint_is_blind_where_its_deviation_hides_the_smallest_contact() -> No
     assert found.touched.tolist() == [False, True]
 
 
-def test_a_contact_that_free_motion_hides_is_refused() -> None:
-    expected = 'a contact of 0.3 N m or N at shoulder would not show in '
-    with pytest.raises(DataError, match=f'^{re.escape(expected)}.* % of the free motion'):
+def test_a_contact_that_free_motion_hides_is_refused_with_the_smallest_that_shows() -> None:
+    found = Calibration.of(free_estimates(np.random.default_rng(3)), 0.0)
+    least = found.least
+    assert 2.0 < least[0] < 3.0
+    named = f'shoulder {least[0]:g}, elbow {least[1]:g} N m or N'
+    assert found.in_words(('shoulder', 'elbow')) == named
+    expected = (
+        'contacts at shoulder 0.3 N m or N would not show in half of the free motion, but '
+        f'{named} would; set smallest_contact to these or more, '
+    )
+    with pytest.raises(DataError, match=f'^{re.escape(expected)}'):
         calibrated([0.3, 10.0])
+    calibrated(least.tolist())
+    with pytest.raises(DataError, match='contacts at elbow'):
+        calibrated([least[0], 0.99 * least[1]])
     for value in (0.0, np.nan):  # no contact at all, and none that is known
-        with pytest.raises(DataError, match='at shoulder would not show in 100 %'):
+        with pytest.raises(DataError, match=f'contacts at shoulder {value:g}, elbow {value:g} '):
             calibrated(value)
     unsettled = [ExternalTorque(np.zeros(1), np.ones((4, 1)), False)] * 3
     with pytest.raises(DataError, match=r'must last longer .* but its 3 samples do not'):
-        ContactDetector.calibrated(('elbow',), unsettled, 1.0)
+        Calibration.of(unsettled)
 
 
 def test_an_estimate_is_settled_once_the_beginning_is_forgotten() -> None:

@@ -36,6 +36,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory, model_path: str) -> Iterato
             ramp_s=0.0,
             stale_timeout_s=0.0,
             torque_limits=[toy.LIMIT],
+            refine_plans=False,
         )
         client.status('serve', lambda status: status['state'] == 'active')
         yield made, client

@@ -212,7 +212,11 @@ class Client:
         diagnostics = self.listen(DiagnosticArray, '/diagnostics', qos.DIAGNOSTICS)
 
         def of_node() -> list[DiagnosticStatus]:
-            return [each.status[0] for each in list(diagnostics) if each.status[0].name == node]
+            return [
+                each.status[0]
+                for each in list(diagnostics)
+                if each.status[0].name == f'{node}: status'
+            ]
 
         self.wait_until(lambda: len(of_node()) > 1, f'diagnostics of {node}')
         self._marks[node] = messages.status_values(of_node()[-1])
@@ -267,6 +271,7 @@ class Graph:
             **os.environ,
             'ROS_DOMAIN_ID': str(self.domain),
             'ROS_LOG_DIR': str(folder / 'ros_log'),
+            'XDG_STATE_HOME': str(folder / 'state'),
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
             'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')]),
         }
@@ -275,7 +280,9 @@ class Graph:
         self.context = Context()
 
     def start(self, module: str, **parameters: Any) -> Process:
-        """Start a node with parameters; `__` in a name stands for a dot."""
+        """Start a node, `serve` active, with parameters; `__` in a name stands for a dot."""
+        if module == 'serve':
+            parameters = {'autostart': True, **parameters}
         arguments = []
         for name, value in parameters.items():
             arguments += ['-p', f'{name.replace("__", ".")}:={json.dumps(value)}']

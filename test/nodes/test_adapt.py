@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 import itertools
-import math
 from pathlib import Path
 import signal
 import time
@@ -16,19 +15,16 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
 from adaptation import arms
+from control_msgs.msg import DynamicInterfaceGroupValues
+from geometry_msgs.msg import Inertia, InertiaStamped, Vector3
 import numpy as np
-from pal_statistics_msgs.msg import Statistics
+from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
-from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from lip_id_ros.adaptation.live import AdaptSettings
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.model import EffortCalibration, InverseDynamicsModel
 from lip_id_ros.nodes import messages, qos
-from lip_id_ros.nodes.adapt import watch_period_s
-from lip_id_ros.settings import parameters_of
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Ros
@@ -85,7 +81,7 @@ class Arm:
 
 
 def last(received: list[Any]) -> Update | None:
-    return Update.from_text(received[-1].data) if received else None
+    return Update.from_message(received[-1]) if received else None
 
 
 def trusted(received: list[Any]) -> bool:
@@ -96,7 +92,7 @@ def trusted(received: list[Any]) -> bool:
 def test_friction_that_doubled_is_published_kept_and_forgotten(ros: Ros, path: str) -> None:
     graph, client = ros
     node = graph.start('adapt', model_path=path, publish_rate_hz=10.0)
-    updates = client.listen(String, UPDATE, qos.LATCHED)
+    updates = client.listen(DynamicInterfaceGroupValues, UPDATE, qos.LATCHED)
     arm = Arm(client)
     client.wait_until(arm.until(lambda: trusted(updates)), 'a trusted update')
     update = last(updates)
@@ -114,11 +110,12 @@ def test_friction_that_doubled_is_published_kept_and_forgotten(ros: Ros, path: s
 
     client.forget(UPDATE)
     graph.start('adapt', model_path=path, publish_rate_hz=10.0)
-    again = client.listen(String, UPDATE, qos.LATCHED)
+    again = client.listen(DynamicInterfaceGroupValues, UPDATE, qos.LATCHED)
     client.wait_until(arm.until(lambda: trusted(again)), 'what was kept')
     found = last(again)
     assert found is not None
-    assert found.counter > update.counter
+    assert found.source == update.source == '/adapt'
+    assert found.stamp_ns > update.stamp_ns
     np.testing.assert_allclose(found.numbers, update.numbers, atol=0.2)
     assert client.trigger('/adapt/reset').success
 
@@ -129,33 +126,89 @@ def test_friction_that_doubled_is_published_kept_and_forgotten(ros: Ros, path: s
     client.wait_until(arm.until(is_fitted), 'the commissioned model')
 
 
-def test_steps_are_watched_twice_as_often_as_updates_are_published() -> None:
-    """A step is published at the next watch: at longer periods updates would come less often."""
-    highest = parameters_of(AdaptSettings)['publish_rate_hz'].maximum
-    assert highest is not None
-    for rate_hz in (1.0, 20.0, highest):
-        assert rate_hz * watch_period_s(rate_hz) <= 0.5
+def announce(client: Client, mass: float, node: str = '/adapt', **changes: float) -> None:
+    """Announce a payload 0.1 m from the last link, or put it down."""
+    inertia = Inertia(m=mass, com=Vector3(**{'z': 0.1, **changes}))
+    topic = f'{node}/announced_payload'
+    client.speak(InertiaStamped, topic, qos.DIAGNOSTICS).publish(InertiaStamped(inertia=inertia))
 
 
-def test_a_payload_is_announced_and_a_foreign_state_kept_aside(ros: Ros, path: str) -> None:
+def test_a_payload_is_announced_and_put_down_while_the_arm_is_silent(ros: Ros, path: str) -> None:
     graph, client = ros
-    (graph.folder / 'adaptation.npz').write_bytes(b'broken')
-    graph.start('adapt', model_path=path, payload_centre=[0.0, 0.1, 0.0])
-    payloads = client.listen(Statistics, '/adapt/payload', qos.LATCHED)
-    arm = Arm(client)
-    arm.move()
-    assert client.set_parameter('adapt', 'payload_mass', 0.4).successful
-    request = SetBool.Request(data=True)
-    answer = client.call(SetBool, '/adapt/announce_payload', request)
-    assert answer.success
+    adapt = graph.start('adapt', model_path=path)
+    payloads = client.listen(InertiaStamped, '/adapt/payload', qos.LATCHED)
+    updates = client.listen(DynamicInterfaceGroupValues, UPDATE, qos.LATCHED)
+    announce(client, 1.5)
     client.wait_until(lambda: payloads, 'the payload')
-    values = {each.name: each.value for each in payloads[-1].statistics}
-    assert values['mass'] == 0.4
-    assert values['centre_y'] == 0.1
-    status = client.status('adapt', lambda status: status['announced_kg'] > 0.0)
-    assert math.isclose(status['announced_kg'], 0.4)
-    assert 'it is kept as' in status['note']
-    assert (graph.folder / 'adaptation.npz.1').read_bytes() == b'broken'
+    told = payloads[-1]
+    assert (told.header.frame_id, round(told.inertia.m, 9)) == ('joint_3_link', 1.5)
+    assert round(told.inertia.com.z, 9) == 0.1
+    arm = known_model().arm
+    assert arm is not None
+    carried = arm.links[-1, 0] + 1.5
+    mass = (len(arm.links) - 1) * arm.links.shape[1]
+    client.wait_until(lambda: updates, 'an update though no joint state has come')
+    assert Update.from_message(updates[-1]).numbers[mass] == pytest.approx(carried)
+
+    announce(client, 400.0, z=120.0)  # grams and millimetres
+    status = client.status('adapt', lambda status: 'a payload must have' in status['summary'])
+    assert status['announced_kg'] == pytest.approx(1.5)
+    client.wait_until(
+        lambda: 'refused a payload: a payload must have a mass' in adapt.log, 'a log'
+    )
+
+    announce(client, 0.0)
+    client.wait_until(lambda: payloads[-1].inertia.m == 0.0, 'the end of the payload')
+    client.wait_until(
+        lambda: Update.from_message(updates[-1]).numbers[mass] == arm.links[-1, 0], 'an update'
+    )
+
+
+def test_a_payload_of_one_arm_is_not_carried_by_another(ros: Ros, path: str) -> None:
+    graph, client = ros
+
+    def started() -> list[Any]:
+        return [
+            graph.start_fork(
+                side,
+                'lip_id_ros.nodes.adapt',
+                ['--ros-args', '-r', f'__ns:=/{side}', '-p', f'model_path:={path}'],
+            )
+            for side in ('left', 'right')
+        ]
+
+    def announced(side: str) -> float:
+        name = f'{side}/adapt'
+        client.forget(f'/{name}/status')
+        return float(client.status(name, lambda status: 'announced_kg' in status)['announced_kg'])
+
+    nodes = started()
+    announce(client, 1.5, '/left/adapt')
+    client.status('left/adapt', lambda status: status['announced_kg'] > 0.0)
+    for node in nodes:
+        assert node.end() == 0
+    nodes = started()
+    assert announced('right') == 0.0
+    assert announced('left') == pytest.approx(1.5)
+    folder = graph.folder / 'state/ros/lip_id_ros'
+    for node in nodes:
+        assert node.end() == 0
+    assert (folder / 'left/adapt/adaptation.npz').exists()
+    assert (folder / 'right/adapt/adaptation.npz').exists()
+
+    shared = str(folder / 'left/adapt/adaptation.npz')
+    right = graph.start_fork(
+        'right',
+        'lip_id_ros.nodes.adapt',
+        [
+            *('--ros-args', '-r', '__ns:=/right', '-p', f'model_path:={path}'),
+            *('-p', f'state_path:={shared}'),
+        ],
+    )
+    assert announced('right') == 0.0
+    sentence = f'state_path must be a file of /right/adapt alone, but {shared} is of /left/adapt'
+    client.status('right/adapt', lambda status: status['note'].startswith(sentence))
+    client.wait_until(lambda: sentence in right.log, 'a line of the log')
 
 
 def test_a_model_that_is_not_there_is_one_line(ros: Ros) -> None:
@@ -222,7 +275,7 @@ def test_serve_follows_friction_that_doubled_and_goes_back_when_adapt_is_killed(
     graph.start('serve', **following(path))
     node = graph.start('adapt', model_path=path, publish_rate_hz=10.0)
     client.status('serve', lambda status: status['state'] == 'active')
-    updates = client.listen(String, UPDATE, qos.LATCHED)
+    updates = client.listen(DynamicInterfaceGroupValues, UPDATE, qos.LATCHED)
     arm, stream = Arm(client, listeners=2), Stream(client)
     fitted, doubled = torque_of(known_model()), torque_of(arm.model)
     client.wait_until(lambda: stream.is_at(fitted, 1e-6), 'the torque of the fit')
@@ -237,8 +290,9 @@ def test_serve_follows_friction_that_doubled_and_goes_back_when_adapt_is_killed(
     client.wait_until(lambda: stream.is_at(fitted, 1e-6), 'the torque of the fit again')
     whole = float(np.abs(doubled - fitted).max())
     assert stream.largest_step < 0.3 * whole  # 0.05 s of 0.5 s count at most, and no more
-    status = client.status('serve', lambda status: status['adaptation']['gone_back'] == 1)
-    assert 'serves the commissioned model: no update for 2 s' in status['summary']
+    sentence = 'follows the commissioned model: no update for 2 s'
+    status = client.status('serve', lambda status: sentence in status['summary'])
+    assert status['adaptation']['gone_back'] >= 1  # more on a busy machine
 
 
 def test_serve_refuses_updates_that_are_foreign_or_not_finite_and_may_stop_to_follow(
@@ -247,29 +301,75 @@ def test_serve_refuses_updates_that_are_foreign_or_not_finite_and_may_stop_to_fo
     graph, client = ros
     graph.start('serve', **{**following(path), 'adaptation_timeout_s': 900.0})
     client.status('serve', lambda status: status['state'] == 'active')
-    publisher = client.speak(String, UPDATE, qos.LATCHED)
+    publisher = client.speak(DynamicInterfaceGroupValues, UPDATE, qos.LATCHED)
     stream = Stream(client)
     fitted, other = known_model(), arms.with_friction(known_model(), 1.5)
-    assert other.arm is not None
-    numbers = np.concatenate([other.arm.links.ravel(), other.arm.friction.coefficients])
-    hashed = InverseDynamicsModel.load(path).fingerprint
-    good = Update(hashed, 5, numbers, True, (0.5, 1.0))
-    broken = numbers.copy()
+    good = update_to(path, other)
+    broken = good.numbers.copy()
     broken[-1] = np.nan
 
-    def refused(update: str, reason: str) -> None:
-        publisher.publish(String(data=update))
+    def send(update: Update, source: str = '/adapt') -> None:
+        publisher.publish(messages.update_message(now(client), source, update))
+
+    def refused(update: Update, reason: str, source: str = '/adapt') -> None:
+        send(update, source)
         client.status('serve', lambda status: status['adaptation']['refused'].get(reason))
 
-    refused(replace(good, model='f' * 64).to_text(), 'update of another model')
-    refused(replace(good, numbers=broken).to_text(), 'update not finite')
-    refused('{', 'no update')
+    refused(replace(good, model='f' * 64), 'update of another model')
+    refused(replace(good, numbers=broken), 'update not finite')
     client.wait_until(lambda: stream.is_at(torque_of(fitted), 1e-6), 'the torque of the fit')
-    publisher.publish(String(data=good.to_text()))
+    send(good)
     client.wait_until(lambda: stream.is_at(torque_of(other), 1e-6), 'the torque of the update')
-    refused(replace(good, counter=4).to_text(), 'update not newer')
+    refused(good, 'update of another node', '/left/adapt')
     assert client.set_parameter('serve', 'follow_adaptation', False).successful
     client.wait_until(lambda: stream.is_at(torque_of(fitted), 1e-6), 'the fit, on request')
+
+
+def now(client: Client, earlier_s: float = 0.0) -> Any:
+    """Return the time, or one so long ago."""
+    return (client.node.get_clock().now() - Duration(seconds=earlier_s)).to_msg()
+
+
+def update_to(path: str, model: InverseDynamicsModel) -> Update:
+    """Return an update of the model of a file that makes another of it."""
+    assert model.arm is not None
+    numbers = np.concatenate([model.arm.links.ravel(), model.arm.friction.coefficients])
+    return Update(InverseDynamicsModel.load(path).fingerprint, numbers, True)
+
+
+def test_an_old_update_is_not_followed_by_who_comes_late(ros: Ros, path: str) -> None:
+    """Its payload has been put down meanwhile, and nobody has said so."""
+    graph, client = ros
+    publisher = client.node.create_publisher(DynamicInterfaceGroupValues, UPDATE, qos.LATCHED)
+    update = update_to(path, arms.with_friction(known_model(), 1.5))
+    publisher.publish(messages.update_message(now(client, 47.0), '/adapt', update))
+    graph.start('serve', **following(path))
+    graph.start('monitor', model_path=path, follow_adaptation=True, adaptation_timeout_s=2.0)
+    for node in ('serve', 'monitor'):
+        status = client.status(
+            node, lambda status: (status.get('adaptation') or {}).get('refused')
+        )
+        assert status['adaptation']['refused'] == {'update too old': 1}
+        assert status['adaptation']['model'] == 'commissioned'
+
+
+def test_updates_that_never_come_are_told(ros: Ros, path: str) -> None:
+    graph, client = ros
+    graph.start('serve', **following(path))
+    graph.start('monitor', model_path=path, follow_adaptation=True, adaptation_timeout_s=2.0)
+    arm, stream = Arm(client, listeners=2), Stream(client)
+    client.status('serve', lambda status: status['state'] == 'active')
+    client.status('monitor', lambda status: True)
+
+    def told(node: str) -> bool:
+        arm.move()
+        stream.is_at(torque_of(known_model()), 1e-6)
+        status = client.received[f'/{node}/status'][-1]
+        sentence = 'follows the commissioned model: no update for 2 s; start adapt, or set '
+        return sentence in status.message and status.level == b'\x01'
+
+    client.wait_until(lambda: told('serve'), 'a warning of serve')
+    client.wait_until(lambda: told('monitor'), 'a warning of monitor')
 
 
 def test_a_model_that_was_loaded_to_be_served_as_it_is_follows_nothing(

@@ -13,6 +13,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('pinocchio', reason='needs the URDF of the demo (the extra sim)')
 
 from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from nodes.test_serve import point, REFERENCE, start_serve, TORQUE, trajectory
 import numpy as np
 from sensor_msgs.msg import JointState
@@ -31,7 +32,7 @@ pytestmark = pytest.mark.ros
 JOINTS = ('panda_joint5', 'panda_joint2')
 LIMITS = [12.0, 87.0]
 STRONG = trajectory(JOINTS, point([0.0, 0.0], [0.0, 0.0], [1e3, -1e3]))
-TOPIC = '/robot_description'
+FROM, TOPIC = 'robot_description', '/robot_description'
 
 
 def described(**efforts: str) -> String:
@@ -60,12 +61,12 @@ def test_serve_takes_the_limits_of_the_topic_when_it_is_activated(
     ros: Ros, panda_path: str
 ) -> None:
     graph, client = ros
-    limits = {'torque_limits': 'robot_description', 'rate_limits': [1e9]}
+    limits = {'torque_limits_from': FROM, 'rate_limits': [1e9]}
     serve = start_serve(graph, model_path=panda_path, **limits)
     torques = client.listen(JointState, TORQUE)
     missing = (
-        'not activated: a URDF was expected on /robot_description (torque_limits), but none has '
-        'come; start robot_state_publisher, or give numbers.'
+        'not activated: a URDF was expected on /robot_description (torque_limits_from), but none '
+        'has come; start robot_state_publisher, or give torque_limits.'
     )
     status = client.status('serve', lambda status: status['summary'] == missing)
     assert status['state'] == 'inactive'
@@ -77,22 +78,29 @@ def test_serve_takes_the_limits_of_the_topic_when_it_is_activated(
         (described(_12='0'), "joint 'panda_joint5' in /robot_description was expected to be"),
     ):
         descriptions.publish(message)
-        status = client.status('serve', lambda status: sentence in status['summary'])  # noqa: B023
-        assert status['state'] == 'inactive'
-    descriptions.publish(described())  # and it goes on, as autostart asks
+
+        def judged() -> bool:
+            assert not client.transition(Transition.TRANSITION_ACTIVATE)
+            return sentence in client.status('serve', lambda status: True)['summary']  # noqa: B023
+
+        client.wait_until(judged, sentence)
+    descriptions.publish(described())
+    client.wait_until(lambda: client.transition(Transition.TRANSITION_ACTIVATE), 'activation')
     client.status('serve', lambda status: status['summary'] == 'answering')
     assert 'torque_limits of /robot_description: panda_joint5 12, panda_joint2 87' in serve.log
     assert answer(client, torques) == LIMITS
 
     descriptions.publish(described(_12='7', _87='8'))  # moves no limit of an active node
-    (result,) = client.set_parameters('serve', torque_limits='robot_description')
+    (result,) = client.set_parameters('serve', torque_limits_from='robot_description')
     assert result.successful
     assert answer(client, torques) == LIMITS
     assert client.trigger('/serve/reload_model').success
     client.set_parameter('serve', 'torque_limits', [3.0])
+    assert answer(client, torques) == LIMITS  # they come from the URDF
+    client.set_parameter('serve', 'torque_limits_from', 'parameters')
     assert answer(client, torques) == [3.0, 3.0]
     assert client.transition(Transition.TRANSITION_DEACTIVATE)
-    client.set_parameter('serve', 'torque_limits', 'robot_description')
+    client.set_parameter('serve', 'torque_limits_from', 'robot_description')
     assert client.transition(Transition.TRANSITION_ACTIVATE)
     assert answer(client, torques) == [7.0, 8.0]
     assert 'another URDF came on /robot_description: limits of torques stay' in serve.log
@@ -103,13 +111,27 @@ def test_serve_takes_the_limits_of_the_topic_when_it_is_activated(
     assert result.successful, result.reason
 
 
+def test_activation_waits_for_a_urdf_that_comes_with_it(ros: Ros, panda_path: str) -> None:
+    """A launch starts robot_state_publisher and `serve` at once; the latter may be faster."""
+    graph, client = ros
+    start_serve(graph, model_path=panda_path, autostart=False, torque_limits_from=FROM)
+    assert client.transition(Transition.TRANSITION_CONFIGURE)
+    change = client.node.create_client(ChangeState, '/serve/change_state')
+    activate = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_ACTIVATE))
+    asked = change.call_async(activate)
+    client.node.create_publisher(String, TOPIC, qos.LATCHED).publish(described())
+    client.wait_until(asked.done, 'activation')
+    assert asked.result().success
+
+
 def test_a_long_plan_has_the_limits_of_the_urdf_that_is_in_force(
     ros: Ros, panda_path: str
 ) -> None:
     """It is answered in a process of its own, which gets the settings of the activation too."""
     graph, client = ros
-    limits = {'torque_limits': 'robot_description', 'rate_limits': [1e9]}
-    start_serve(graph, model_path=panda_path, **limits)
+    limits = {'torque_limits_from': FROM, 'rate_limits': [1e9]}
+    start_serve(graph, model_path=panda_path, autostart=False, **limits)
+    assert client.transition(Transition.TRANSITION_CONFIGURE)
     plans = client.listen(JointTrajectory, '/serve/trajectory_with_effort')
     descriptions = client.speak(String, TOPIC, qos.LATCHED)
     references = client.speak(JointTrajectory, REFERENCE)
@@ -124,7 +146,7 @@ def test_a_long_plan_has_the_limits_of_the_urdf_that_is_in_force(
         return list(np.abs(plans[-1].points[-1].effort))
 
     descriptions.publish(described())
-    client.status('serve', lambda status: status['state'] == 'active')
+    assert client.transition(Transition.TRANSITION_ACTIVATE)
     assert planned() == LIMITS
     assert client.transition(Transition.TRANSITION_DEACTIVATE)
     descriptions.publish(described(_12='7', _87='8'))
@@ -137,17 +159,17 @@ def test_an_active_node_reads_no_limits(ros: Ros, panda_path: str) -> None:
     start_serve(graph, model_path=panda_path, torque_limits=[5.0], rate_limits=[1e9])
     torques = client.listen(JointState, TORQUE)
     client.status('serve', lambda status: status['state'] == 'active')
-    result = client.set_parameter('serve', 'torque_limits', 'robot_description')
+    result = client.set_parameter('serve', 'torque_limits_from', 'robot_description')
     assert result.reason == (
-        'torque_limits must be numbers here, but is robot_description, which is read only when '
-        'torques begin; deactivate the node first.'
+        'torque_limits_from must not be robot_description here, which is read only when torques '
+        'begin; deactivate the node first.'
     )
     assert answer(client, torques) == [5.0, 5.0]
 
 
 def test_the_parameter_is_a_description_too(ros: Ros, panda_path: str) -> None:
     graph, client = ros
-    given = {'torque_limits': 'robot_description', 'robot_description': described().data}
+    given = {'torque_limits_from': FROM, 'robot_description': described().data}
     start_serve(graph, model_path=panda_path, rate_limits=[1e9], **given)
     torques = client.listen(JointState, TORQUE)
     client.status('serve', lambda status: status['state'] == 'active')

@@ -13,13 +13,14 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('control_msgs', reason='needs control_msgs')
 
+from control_msgs.msg import DynamicJointState
 from nodes.moved_arm import ACTION, JOINTS, REFERENCE
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, String
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lip_id_ros.model import InverseDynamicsModel
-from lip_id_ros.nodes import qos
+from lip_id_ros.nodes import messages, qos
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Client, Process, Ros
@@ -75,7 +76,7 @@ def started(
         'controller_action': ACTION,
         'config_path': str(settings),
         'motion_path': str(folder / 'motion.yaml'),
-        'effort_limits': 'none',
+        'effort_limits_from': 'none',
         'tracking_tolerance': [10.0],  # the arm may lag where the machine is busy
         'stale_timeout_s': 30.0,
         'confirm': False,
@@ -208,7 +209,7 @@ def test_a_controller_that_does_not_cancel_is_told(ros: Ros, tmp_path: Path) -> 
     ended = client.status('excite', lambda status: 'by other means' in status['summary'])
     assert ended['stage'] == 'stopped'
     assert '~/stop was called' in ended['summary']
-    assert 'has refused to cancel the motion' in ended['summary']
+    assert 'has refused to cancel a goal' in ended['summary']
     before = position(client)
     client.wait_until(lambda: np.any(position(client) != before), 'the motion that goes on')
     arm.end()
@@ -221,7 +222,7 @@ def test_a_controller_that_does_not_answer_a_cancel_is_told(ros: Ros, tmp_path: 
     arm.hold()
     assert client.trigger('/excite/stop').success
     ended = client.status('excite', lambda status: 'by other means' in status['summary'])
-    assert 'has not said in 5 s' in ended['summary']
+    assert 'has not said for 5 s' in ended['summary']
 
 
 def test_an_arm_whose_place_is_not_known_now_does_not_move(ros: Ros, tmp_path: Path) -> None:
@@ -299,7 +300,7 @@ def test_a_fit_that_fails_as_the_last_one_is_not_awaited_either(ros: Ros, tmp_pa
 
 def test_an_effort_beyond_its_limit_stops_the_motion(ros: Ros, tmp_path: Path) -> None:
     _, client = ros
-    started(ros, tmp_path, effort_limits=[0.01])
+    started(ros, tmp_path, effort_limits=[0.01], effort_limits_from='parameters')
     begin(client)
     ended = client.status('excite', lambda status: status['stage'] == 'stopped')
     assert 'has an effort of' in ended['summary']
@@ -462,7 +463,7 @@ def test_a_monitor_that_dies_stops_the_motion(ros: Ros, tmp_path: Path, model_pa
     unmoved = {'smallest_contact': [1e3], 'deviation_constant': [1e3]}  # it knows another arm
     monitor = graph.start('monitor', model_path=model_path, **unmoved)
     started(ros, tmp_path, stale_timeout_s=1.0)
-    contacts = client.listen(Bool, '/monitor/contact')
+    contacts = client.listen(DynamicJointState, '/monitor/contact')
     client.wait_until(lambda: contacts, 'a word on contacts')
     begin_to_move(client)
     monitor.send(signal.SIGKILL)
@@ -471,11 +472,24 @@ def test_a_monitor_that_dies_stops_the_motion(ros: Ros, tmp_path: Path, model_pa
     await_hold_where_measured(client)
 
 
+def test_a_contact_at_any_joint_stops_the_motion(ros: Ros, tmp_path: Path) -> None:
+    _, client = ros
+    started(ros, tmp_path)
+    monitor = client.speak(DynamicJointState, '/monitor/contact', qos.OUTPUT)
+    begin_to_move(client)
+    values = {'torque': np.array([0.1, 9.0]), 'contact': np.array([0.0, 1.0])}
+    stamp = client.node.get_clock().now().to_msg()
+    monitor.publish(messages.joint_values_message(stamp, JOINTS, values))
+    ended = client.status('excite', lambda status: status['stage'] == 'stopped')
+    assert 'the monitor has found a contact' in ended['summary']
+    await_hold_where_measured(client)
+
+
 def test_what_is_missing_is_named(ros: Ros, tmp_path: Path) -> None:
     graph, _ = ros
     for parameters, sentence in (
         ({}, 'controller_action must be the action'),
-        ({'controller_action': ACTION}, 'effort_limits must be given'),
+        ({'controller_action': ACTION}, 'effort_limits must hold the largest of each joint'),
         ({'controller_action': ACTION, 'motion_path': 'm.txt'}, 'm.txt ends otherwise; name'),
     ):
         process = graph.start('excite', **parameters)

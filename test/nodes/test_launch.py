@@ -130,7 +130,7 @@ def test_both_nodes_of_two_arms_share_a_graph(ros: Ros, model_path: str, tmp_pat
     parameters = tmp_path / 'arm.yaml'
     parameters.write_text(
         '/**/train: {ros__parameters: {record_on_start: true}}\n'
-        '/**/serve: {ros__parameters: {torque_limits: none, ramp_s: 0.0, '
+        '/**/serve: {ros__parameters: {torque_limits_from: none, ramp_s: 0.0, '
         'joints: [elbow, shoulder]}}\n'
     )
 
@@ -179,12 +179,12 @@ TRAIN = '/**/train: {ros__parameters: {model_path: model.npz}}'
 BOTH = f'{SERVE}\n{TRAIN}'
 
 
-def started_in(folder: Path) -> list[list[str]]:
-    """Command lines of processes that were started in a folder and run on."""
+def started_in(folder: Path, program: str = '') -> list[psutil.Process]:
+    """Processes that were started in a folder and run on, with a word in their command lines."""
     return [
-        each.info['cmdline']
+        each
         for each in psutil.process_iter(['cwd', 'cmdline'])
-        if each.info['cwd'] == str(folder)
+        if each.info['cwd'] == str(folder) and program in ' '.join(each.info['cmdline'] or ())
     ]
 
 
@@ -198,8 +198,10 @@ def started_in(folder: Path) -> list[list[str]]:
         ('serve', SERVE, ['param_file:=panda.yaml'], 'param_file is not a launch argument'),
         ('arm', SERVE, ['folder_:=x'], 'folder_ is not a launch argument'),
         ('serve', SERVE, ['use_sim_time:=2'], 'use_sim_time must be true or false, not 2'),
+        ('arm', BOTH, ['respawn:=2'], 'respawn must be true or false, not 2'),
         ('arm', SERVE, [], 'has no section for the node /train'),
         ('arm', TRAIN, [], 'has no section for the node /serve'),
+        ('serve', SERVE, ['namespace:=1st'], 'Invalid namespace'),
         ('arm', BOTH, ['autostart:=maybe'], 'autostart must be true or false, not maybe'),
         ('excite', BOTH, [], 'has no section for the node /excite'),
         ('train', SERVE.replace('serve', 'train'), ['folder:=/nope'], 'folder must be a folder'),
@@ -228,23 +230,23 @@ def test_a_launch_with_wrong_arguments_starts_nothing(
 @pytest.mark.parametrize(
     ('name', 'given', 'state'),
     [
-        ('serve', (), 'unconfigured'),
-        ('serve', ('autostart:=true',), 'active'),
+        ('serve', (), 'active'),
+        ('serve', ('autostart:=false',), 'unconfigured'),
         ('arm', (), 'unconfigured'),
         ('arm', ('autostart:=true',), 'active'),
     ],
 )
-def test_arguments_that_are_not_given_leave_the_file_as_it_is(
+def test_the_launch_activates_serve_if_asked_to(
     name: str, given: tuple[str, ...], state: str, ros: Ros, model_path: str
 ) -> None:
     graph, client = ros
     (graph.folder / 'arm.yaml').write_text(
-        f'/**/serve: {{ros__parameters: {{torque_limits: [9.0], autostart: false, '
+        f'/**/serve: {{ros__parameters: {{torque_limits: [9.0], autostart: true, '
         f'model_path: {model_path}}}}}\n/**/train: {{ros__parameters: {{model_path: x.npz}}}}\n'
     )
-    path = (f'model_path:={model_path}',) if name == 'serve' else ()
-    with launched(graph, f'{name}.launch.py', 'params_file:=arm.yaml', *path, *given):
+    with launched(graph, f'{name}.launch.py', 'params_file:=arm.yaml', *given) as log:
         client.status('serve', lambda status: status['state'] == state)
+    assert 'Failed to make transition' not in log.read_text()
 
 
 def test_the_example_of_ros2_control_is_about_the_same_joints() -> None:
@@ -295,18 +297,88 @@ def test_an_arm_is_watched(ros: Ros, model_path: str) -> None:
         assert status['state'] == 'not calibrated'
 
 
+BRINGUP = """
+from ament_index_python.packages import get_package_share_path
+from launch import LaunchDescription
+from launch.actions import *
+from launch.event_handlers import OnProcessExit
+from launch_ros.actions import PushRosNamespace
+
+def generate_launch_description():
+    path = get_package_share_path('lip_id_ros') / 'launch' / 'serve.launch.py'
+    serve = IncludeLaunchDescription(str(path), launch_arguments=ARGUMENTS.items())
+    first = ExecuteProcess(cmd=['true'], name='first')
+    driver = ExecuteProcess(cmd=['sleep', '1000'], name='driver')
+    after = RegisterEventHandler(OnProcessExit(target_action=first, on_exit=[serve]))
+    return LaunchDescription([DeclareLaunchArgument('robot_ip'), driver, WAY])
+"""
+
+WAYS = {
+    'included': 'serve',
+    'after a process': 'GroupAction([after, first], scoped=False)',
+    'by a function': 'OpaqueFunction(function=lambda context: [serve])',
+    'after a time': 'TimerAction(period=0.1, actions=[serve])',
+    'in a namespace': "GroupAction([PushRosNamespace('left'), serve])",
+    'in a namespace, after a time': (
+        "GroupAction([PushRosNamespace('left'), TimerAction(period=0.1, actions=[serve])])"
+    ),
+}
+
+
+def bringup(graph: Graph, way: str, **arguments: str) -> AbstractContextManager[Path]:
+    """Launch a driver, and serve.launch.py in one of the ways."""
+    path = graph.folder / 'bringup.launch.py'
+    path.write_text(BRINGUP.replace('ARGUMENTS', repr(arguments)).replace('WAY', WAYS[way]))
+    return launched(graph, str(path), 'robot_ip:=10.0.0.1')
+
+
+@pytest.mark.parametrize('way', WAYS)
+def test_a_launch_file_can_be_included_anywhere(way: str, ros: Ros, model_path: str) -> None:
+    graph, client = ros
+    name = 'left/serve' if 'namespace' in way else 'serve'
+    (graph.folder / 'arm.yaml').write_text(f'/{name}: {{ros__parameters: {{torque_limits: [9]}}}}')
+    with bringup(graph, way, params_file='arm.yaml', model_path=model_path) as log:
+        client.status(name, lambda status: status['state'] == 'active')
+    assert 'Caught exception' not in log.read_text()
+
+
+@pytest.mark.parametrize('way', ['included', 'after a process', 'in a namespace'])
+def test_a_wrong_argument_does_not_end_the_driver(way: str, ros: Ros) -> None:
+    graph, client = ros
+    (graph.folder / 'arm.yaml').write_text('/serve: {ros__parameters: {torque_limits: [9]}}')
+    with bringup(graph, way, params_file='arm.yaml', namespace='right') as log:
+        client.wait_until(lambda: 'serve not started: ' in log.read_text(), 'the reason')
+        client.wait_until(lambda: 'driver' in log.read_text(), 'the driver')
+        assert started_in(graph.folder, 'sleep 1000')
+    said = log.read_text()
+    assert 'arm.yaml has no section for the node /' in said
+    assert 'Caught exception' not in said
+
+
+def test_a_node_that_ends_is_started_again_if_asked_to(ros: Ros, model_path: str) -> None:
+    graph, client = ros
+    arguments = (f'model_path:={model_path}', limited(graph), 'respawn:=true', 'log_level:=debug')
+    with launched(graph, 'serve.launch.py', *arguments) as log:
+        client.status('serve', lambda status: status['state'] == 'active')
+        (serve,) = started_in(graph.folder, 'lip_id_ros/serve')
+        serve.kill()
+        client.wait_until(lambda: log.read_text().count('process started') == 2, 'a new process')
+        client.status('serve', lambda status: status['state'] == 'unconfigured')
+    assert '[DEBUG]' in log.read_text()
+
+
 @pytest.mark.parametrize('name', ['adapt', 'arm', 'demo', 'excite', 'monitor', 'serve', 'train'])
 def test_every_launch_file_takes_the_usual_arguments(name: str) -> None:
     path = get_package_share_path('lip_id_ros') / 'launch' / f'{name}.launch.py'
     source = AnyLaunchDescriptionSource(str(path))
     arguments = source.get_launch_description(LaunchContext()).get_launch_arguments()
     names = {argument.name for argument in arguments}
-    assert {'params_file', 'namespace', 'use_sim_time'} <= names
+    assert {'params_file', 'namespace', 'use_sim_time', 'log_level', 'respawn'} <= names
 
 
 def test_the_demo_runs_in_a_namespace(ros: Ros, tmp_path: Path) -> None:
     graph, client = ros
-    with launched(graph, 'demo.launch.py', f'output:={tmp_path}', 'namespace:=cell'):
+    with launched(graph, 'demo.launch.py', f'folder:={tmp_path}', 'namespace:=cell'):
         assert client.status('cell/train', lambda status: True)['rows'] == 0
         assert client.status('cell/serve', lambda status: True)['state'] == 'unconfigured'
         client.wait_until(

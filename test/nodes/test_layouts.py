@@ -57,7 +57,7 @@ def documented() -> dict[str, set[str]]:
     names: dict[str, set[str]] = {}
     rows = re.findall(r'^\| (subscription|publisher|service) \| (.*?) \|(.*)$', text, re.MULTILINE)
     for kind, cell, rest in rows:
-        if 'only with `torque_limits: robot_description`' in rest:
+        if 'only with `torque_limits_from: robot_description`' in rest:
             continue
         topics = {name.replace('~', '/serve') for name in re.findall('`(.*?)`', cell)}
         names.setdefault(kind, set()).update(f'/{topic.lstrip("/")}' for topic in topics)

@@ -115,7 +115,7 @@ def test_a_panda_is_recorded_and_served(ros: Ros, shared_data: Path, tmp_path: P
     assert held_out['n_samples'] > 150
     # joints 1 and 5 carry little torque in this recording; 2, 3 and 4 carry the arm
     assert max(held_out['nmse_percent'][1:4]) < 10
-    graph.start_with('serve', ['--params-file', str(path)])
+    graph.start_with('serve', ['--params-file', str(path), '-p', 'autostart:=true'])
     answers = client.listen(JointState, '/serve/feedforward_torque')
     client.status('serve', lambda status: status['state'] == 'active')
     references = client.speak(JointTrajectory, '/serve/desired_trajectory')

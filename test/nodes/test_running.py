@@ -92,7 +92,7 @@ from lip_id_ros.nodes.serve import ServeNode
 for given in (
     ['--frobnicate'],
     ['-p', 'use_sim_time:=5'],
-    ['-p', 'torque_limits:=abc'],
+    ['-p', 'torque_limits:=none'],
     ['-p', 'ramp_s:=-1.0'],
     ['-p', 'torque_limit:=[1.0]'],
     ['--params-file', 'none.yaml'],
@@ -114,10 +114,10 @@ def test_wrong_arguments_end_a_node_with_a_sentence_each(tmp_path: Path) -> None
     assert sentences[0] == ("there are no such ROS arguments: ['--frobnicate']; correct them.")
     assert "parameter 'use_sim_time' to '5' of type 'INTEGER'" in sentences[1]
     assert sentences[2] == (
-        'torque_limits must be a list of numbers >= 0 N m or N or none or robot_description, not '
-        "'abc'."
+        "torque_limits must be a list of numbers >= 0 N m or N, not 'none'; write "
+        'torque_limits_from: none.'
     )
-    assert sentences[3].startswith('Parameter ramp_s out of range Min: 0.0')
+    assert sentences[3] == 'ramp_s must be a number >= 0 and <= 60 s, not -1.0.'
     assert "did you mean 'torque_limits'?" in sentences[4]
     assert "Couldn't parse params file" in sentences[5]
 

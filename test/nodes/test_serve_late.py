@@ -23,15 +23,23 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.ros
 
 
+LATER_NS = 2_000_000_000 * 10**9
+"""In the future, so that no stamp is old."""
+
+
 def reference(number: int) -> JointTrajectory:
-    """Return a reference with a stamp of another clock, by which its answer is known."""
+    """Return a reference whose answer is known by its stamp."""
+    return stamped(LATER_NS + number)
+
+
+def stamped(nanoseconds: int) -> JointTrajectory:
     message = JointTrajectory(joint_names=GOOD.joint_names, points=GOOD.points)
-    message.header.stamp = messages.stamp_at(number)
+    message.header.stamp = messages.stamp_at(nanoseconds)
     return message
 
 
 def stamps(torques: list[JointState]) -> set[int]:
-    return {messages.nanoseconds(each.header.stamp) for each in torques}
+    return {messages.nanoseconds(each.header.stamp) - LATER_NS for each in torques}
 
 
 @pytest.mark.parametrize('executor', ['events', 'single_threaded'])
@@ -93,13 +101,58 @@ def test_of_references_that_lag_the_newest_is_answered_and_every_plan(
     assert status['answered']['samples'] + overtaken == 21
 
 
-def test_a_stamp_says_how_old_a_reference_is(ros: Ros, model_path: str) -> None:
+@pytest.mark.parametrize('age_s', [2, 10.5, 3600])
+def test_a_stamp_says_how_old_a_reference_is(ros: Ros, model_path: str, age_s: float) -> None:
+    """Those of 10.5 s to an hour were taken for stamps of another clock, and answered in full."""
     graph, client = ros
     start_serve(graph, model_path=model_path, stale_timeout_s=0.5)
     _, torques, publisher = exchange(ros)
-    publisher.publish(reference(time.time_ns() - 2_000_000_000))
+    publisher.publish(stamped(time.time_ns() - round(1e9 * age_s)))
     client.status('serve', lambda status: status['refused'] == {'reference too old': 1})
     assert not torques
+
+
+def test_stamps_that_go_back_are_not_answered(ros: Ros, model_path: str) -> None:
+    graph, client = ros
+    start_serve(graph, model_path=model_path, stale_timeout_s=0.5)
+    _, torques, publisher = exchange(ros)
+    for _ in range(20):
+        now = time.time_ns()
+        publisher.publish(stamped(now))
+        publisher.publish(stamped(now - 400_000_000))
+    refused = client.status('serve', lambda status: status['received']['references'] == 40)
+    assert refused['refused'] == {'stamp went back': 20}
+    client.wait_until(lambda: len(torques) == 20, 'answers')
+
+
+def test_plans_that_waited_while_the_node_stood_still_are_not_executed(
+    ros: Ros, model_path: str
+) -> None:
+    """Three came out up to 16.7 s after they were sent."""
+    graph, client = ros
+    serve = start_serve(graph, model_path=model_path, stale_timeout_s=0.5)
+    plans = client.listen(JointTrajectory, '/serve/trajectory_with_effort')
+    publisher = client.speak(JointTrajectory, REFERENCE)
+    client.status('serve', lambda status: status['state'] == 'active')
+    asked = JointTrajectory(joint_names=GOOD.joint_names)
+    asked.points = [deepcopy(GOOD.points[0]) for _ in range(2)]
+    asked.points[1].time_from_start.sec = 1
+    serve.hold()
+    try:
+        for _ in range(3):
+            publisher.publish(asked)
+        time.sleep(0.8)
+    finally:
+        serve.send(signal.SIGCONT)
+    client.status('serve', lambda status: status['refused'] == {'reference too old': 3})
+    asked.header.stamp = messages.stamp_at(time.time_ns() - 2 * 10**9)
+    publisher.publish(asked)
+    refused = {'reference too old': 3, 'plan that is over': 1}
+    client.status('serve', lambda status: status['refused'] == refused)
+    asked.header.stamp = messages.stamp_at(0)
+    publisher.publish(asked)
+    client.wait_until(lambda: plans, 'a plan')
+    assert len(plans) == 1
 
 
 def test_a_million_names_are_refused_unread(serving: Ros) -> None:

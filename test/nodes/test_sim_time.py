@@ -79,7 +79,7 @@ def test_serve_stamps_by_the_clock_of_the_simulation(ros: Ros, model_path: str) 
     graph, client = ros
     unstamped = JointTrajectory(joint_names=GOOD.joint_names, points=GOOD.points)
     with clock(graph, 500.0):
-        graph.start('serve', model_path=model_path, use_sim_time=True, torque_limits='none')
+        graph.start('serve', model_path=model_path, use_sim_time=True, torque_limits_from='none')
         client.status('serve', lambda status: status['state'] == 'active')
         ticks = client.listen(Clock, '/clock')
         diagnostics = client.listen(DiagnosticArray, '/diagnostics')

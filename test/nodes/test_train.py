@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+import itertools
 from pathlib import Path
 import signal
+import time
 from typing import Any, TYPE_CHECKING
 
 import pytest
@@ -29,6 +31,7 @@ pytestmark = pytest.mark.ros
 
 START_NS = 1_700_000_000_000_000_000
 BATCH = 100  # messages that the middleware holds on any machine
+SLACK_S = 2.0  # of a loaded machine
 
 
 def joint_state(row: int, **changes: Any) -> JointState:
@@ -91,12 +94,15 @@ def test_records_fits_and_saves(ros: Ros, tmp_path: Path) -> None:
     publish_motion(client, 600)
     client.status('train', lambda status: status['rows'] == 600)
 
-    assert client.trigger('/train/fit').success
+    answer = client.trigger('/train/fit')
+    assert answer.success
+    assert answer.message == 'job 1: fit of 600 samples; ~/status has its end under results.1'
     answer = client.trigger('/train/fit')
     assert not answer.success
     assert answer.message == 'a fit is running; wait until ~/status shows its end.'
-    status = client.status('train', lambda status: status['job']['state'] in ('done', 'failed'))
-    assert status['job']['state'] == 'done', train.log
+    status = client.status('train', lambda status: '1' in status['results'])
+    done = {'task': 'fit', 'state': 'done', 'path': 'model.npz', 'error': ''}
+    assert status['results']['1'] == done, train.log
     assert status['job']['result']['path'] == 'model.npz'
     model = InverseDynamicsModel.load(tmp_path / 'model.npz')
     assert model.joint_names == toy.JOINTS
@@ -109,6 +115,8 @@ def test_records_fits_and_saves(ros: Ros, tmp_path: Path) -> None:
     data = Dataset.load(tmp_path / 'dataset.npz')
     assert answer.message == f'{data.n_samples} samples in dataset.npz'
     assert data.joint_names == toy.JOINTS
+    status = client.status('train', lambda status: '2' in status['results'])
+    assert status['results']['1'] == done  # though another job has ended since
     assert train.end() == 0, train.log
     assert not (tmp_path / 'unsaved.mcap').exists()
 
@@ -231,3 +239,62 @@ def test_parameters_that_contradict_each_other_are_refused(ros: Ros) -> None:
         assert not result.successful
         assert sentence in result.reason
     assert client.set_parameter('train', 'recording.effort_scale', [1.0, -2.0]).successful
+
+
+def split(row: int) -> list[JointState]:
+    """Return the halves of an arm that two publishers share."""
+    half = {'position': [0.1], 'velocity': [0.0], 'effort': [1.0]}
+    return [joint_state(row, name=[name], **half) for name in toy.JOINTS]
+
+
+@pytest.mark.parametrize(
+    ('states', 'reason'),
+    [
+        (split, 'joint missing; have one publisher send all joints'),
+        (
+            lambda row: [joint_state(row, name=[])],
+            'no joint names; have the driver name its joint',
+        ),
+        (lambda row: [zero_stamped()], 'stamp zero; have the driver stamp its joint states'),
+        (None, '/joint_states is silent; start the driver, or remap the topic'),
+    ],
+    ids=['split', 'unnamed', 'unstamped', 'silent'],
+)
+def test_a_recording_without_a_usable_sample_is_told_within_a_second(
+    ros: Ros, states: Callable[[int], list[JointState]] | None, reason: str
+) -> None:
+    graph, client = ros
+    train = graph.start('train', recording__joints=list(toy.JOINTS))
+    publisher = joint_publisher(client)
+    status = client.status('train', lambda status: True)
+    assert 'nothing is recorded' not in status['summary']  # nobody has asked for it
+    begun = time.monotonic()
+    start_recording(client)
+    rows = itertools.count()
+
+    def told() -> bool:
+        for message in states(next(rows)) if states else ():
+            publisher.publish(message)
+        time.sleep(0.01)
+        status = client.received['/train/status'][-1]
+        return reason in status.message and status.level == b'\x01'
+
+    client.wait_until(told, reason)
+    assert time.monotonic() - begun < 1.0 + SLACK_S
+    client.wait_until(lambda: reason in train.log, 'a line of the log')
+    publish_all(client, map(joint_state, range(1000, 1010)))
+    client.status('train', lambda status: status['rows'] >= 10)
+
+
+def zero_stamped() -> JointState:
+    message = joint_state(0)
+    message.header.stamp = messages.stamp_at(0)
+    return message
+
+
+def test_a_recording_that_nobody_publishes_for_is_told(ros: Ros) -> None:
+    graph, client = ros
+    train = graph.start('train', record_on_start=True)
+    sentence = 'nothing is recorded: /joint_states is silent; start the driver, or remap the topic'
+    client.status('train', lambda status: sentence in status['summary'])
+    client.wait_until(lambda: sentence in train.log, 'a line of the log')

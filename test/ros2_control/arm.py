@@ -119,7 +119,9 @@ class Control:
 
 
 @contextmanager
-def controlled(folder: Path, parameters: Path, joints: Sequence[str]) -> Iterator[Control]:
+def controlled(
+    folder: Path, parameters: Path, joints: Sequence[str], speed: float | None = None
+) -> Iterator[Control]:
     with graph(folder) as (made, client):
         process = made.start_installed(
             'controller_manager',
@@ -127,19 +129,21 @@ def controlled(folder: Path, parameters: Path, joints: Sequence[str]) -> Iterato
             ['--ros-args', '--params-file', str(parameters)],
         )
         latched = client.node.create_publisher(String, '/robot_description', qos.LATCHED)
-        latched.publish(String(data=description(joints)))
+        latched.publish(String(data=description(joints, speed)))
         yield Control(made, client, process)
 
 
 @contextmanager
-def served(folder: Path, parameters: Path, model_path: str) -> Iterator[Control]:
+def served(
+    folder: Path, parameters: Path, model_path: str, speed: float | None = None
+) -> Iterator[Control]:
     """Run a controller manager of the toy arm, and a `serve` that fills plans for `arm`."""
-    with controlled(folder, parameters, toy.JOINTS) as made:
+    with controlled(folder, parameters, toy.JOINTS, speed) as made:
         made.graph.start_with(
             'serve',
             [
                 *('-p', f'model_path:={model_path}', '-p', f'torque_limits:=[{toy.LIMIT}]'),
-                *('-p', 'ramp_s:=0.0', '-p', 'stale_timeout_s:=0.0'),
+                *('-p', 'ramp_s:=0.0', '-p', 'stale_timeout_s:=0.0', '-p', 'autostart:=true'),
                 *('-p', 'controller_action:=/arm/follow_joint_trajectory'),
                 *('-p', 'follow_controller:=true'),
                 *('-r', '~/controller_state:=/arm/controller_state'),

@@ -45,7 +45,7 @@ def stop_in_mid_motion(control: Control, tmp_path: Path) -> None:
         config_path=str(tmp_path / 'excite.yaml'),
         motion_path=str(tmp_path / 'motion.yaml'),
         use_robot_description=False,
-        effort_limits='none',
+        effort_limits_from='none',
         tracking_tolerance=[10.0],
         stale_timeout_s=30.0,
         confirm=False,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from copy import deepcopy
+from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 import pytest
@@ -27,6 +29,7 @@ from ros2_control.arm import (
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
+from benchmarks._mock_controller import JTC, trajectory_controller, write_parameters
 from lip_id_ros.arrays import Array
 from lip_id_ros.feedforward.interpolation import Plan
 from lip_id_ros.nodes import messages
@@ -289,6 +292,52 @@ def test_the_reference_of_the_controller_is_followed(control: Control) -> None:
         point = state.reference
         expected = toy.torque(np.array(point.positions), np.array(point.accelerations))
         np.testing.assert_allclose(torque.effort, expected, atol=0.3)
+
+
+def test_torques_are_those_of_the_speed_at_which_a_plan_is_executed(
+    tmp_path: Path, model_path: str
+) -> None:
+    """At 0.3 of the speed they were 6 N m too large."""
+    factor = 0.3
+    with at_speed(factor, tmp_path, model_path) as control:
+        torques = control.client.listen(JointState, '/serve/feedforward_torque')
+        states = states_of(control, 'arm')
+        filled_by_serve(control, plan((1.0, 0.5), seconds=2.0))
+        begun = wait_for(control, states, lambda state: state.reference.positions[0] > 0.3)
+        hear_until_now(control, states)
+    stamped = {(each.header.stamp.sec, each.header.stamp.nanosec): each for each in states}
+    answered = [
+        (state, torque)
+        for torque in torques
+        if (state := stamped.get((torque.header.stamp.sec, torque.header.stamp.nanosec)))
+        and any(state.reference.accelerations)
+    ]
+    assert begun.speed_scaling_factor == factor
+    assert len(answered) > 5
+    for state, torque in answered:
+        ddq = factor**2 * np.array(state.reference.accelerations)
+        expected = toy.torque(np.array(state.reference.positions), ddq)
+        np.testing.assert_allclose(torque.effort, expected, atol=0.3)
+
+
+@contextmanager
+def at_speed(factor: float, folder: Path, model_path: str) -> Iterator[Control]:
+    """Give a controller whose plans are executed at a share of their speed, and `serve`."""
+    from ros2_control.arm import BROADCASTER, served
+
+    scaling = {'state_interface': 'speed/factor'}
+    broadcaster = {'joints': list(toy.JOINTS), 'interfaces': ['position', 'velocity', 'effort']}
+    parameters = write_parameters(
+        folder / 'controllers.yaml',
+        RATE_HZ,
+        {
+            BROADCASTER: ('joint_state_broadcaster/JointStateBroadcaster', broadcaster),
+            'arm': (JTC, trajectory_controller(toy.JOINTS, speed_scaling=scaling)),
+        },
+    )
+    with served(folder, parameters, model_path, factor) as control:
+        control.use('arm')
+        yield control
 
 
 def test_position_and_effort_are_passed_on_without_feedback(control: Control) -> None:

@@ -7,12 +7,8 @@ from hypothesis import strategies as st
 import pytest
 
 from lip_id_ros.signals.joint_states import (
-    AgeWatch,
     CONFIRMED_BY,
-    SAME_CLOCK_S,
-    stamp_age,
     StampWatch,
-    WINDOW,
 )
 from lip_id_ros.signals.joints import Refusal
 
@@ -81,43 +77,3 @@ def test_a_stamp_may_be_as_far_ahead_as_its_message_was_long_in_coming() -> None
     arrivals = [(10.0, 5.0), (10.01, 5.01), (10.9, 5.02), (10.03, 5.03), (13.0, 8.0)]
     found = [watch.doubt(round(S * stamp), round(S * at)) for stamp, at in arrivals]
     assert found == [None, None, Refusal.FAR_STAMP, None, None]
-
-
-EPOCH = 1_000_000 * S
-
-
-@given(st.integers(-EPOCH // 2, EPOCH // 2), st.lists(st.integers(0, 3 * S), min_size=1))
-def test_the_age_is_the_wait_by_any_clock_of_the_sender(apart: int, waits: list[int]) -> None:
-    watch, now = AgeWatch(), EPOCH
-    watch.age(now + apart, now, now)
-    for wait in waits:
-        now += S
-        received = now + wait // 2
-        assert watch.age(now + apart, received, now + wait) == pytest.approx(wait / S)
-
-
-def test_a_burst_after_a_pause_is_as_old_as_it_is() -> None:
-    """It is received when the process runs again: only the time of sending shows its age."""
-    watch = AgeWatch()
-    for number in range(WINDOW + 100):
-        watch.age(EPOCH + number * S, 0, EPOCH + number * S)
-    sent, now = EPOCH + (WINDOW + 100) * S, EPOCH + (WINDOW + 102) * S
-    assert [watch.age(sent, now, now) for _ in range(WINDOW)] == [2.0] * WINDOW
-
-
-def test_a_clock_that_was_set_is_followed() -> None:
-    watch = AgeWatch()
-    watch.age(EPOCH, EPOCH, EPOCH)
-    ages = [watch.age(EPOCH + n - 3600 * S, EPOCH + n, EPOCH + n) for n in range(2 * WINDOW)]
-    assert ages[0] == 3600.0
-    assert ages[-1] == 0.0
-
-
-def test_without_a_time_of_sending_there_is_no_age() -> None:
-    assert AgeWatch().age(0, EPOCH, EPOCH + S) == 0.0
-
-
-def test_a_stamp_of_another_clock_has_no_age() -> None:
-    assert stamp_age(EPOCH - 2 * S, EPOCH) == 2.0
-    assert stamp_age(EPOCH + 2 * S, EPOCH) == 0.0
-    assert stamp_age(EPOCH - round(SAME_CLOCK_S * S) - S, EPOCH) == 0.0
