@@ -10,6 +10,7 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
+import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -108,6 +109,10 @@ class Process:
         return status
 
 
+GOODBYE_S = 3.0
+"""A process that was killed says none."""
+
+
 class Client:
     """A node that talks with the others; waiting fails loudly."""
 
@@ -123,6 +128,12 @@ class Client:
 
     def wait_until(self, condition: Callable[[], Any], what: str) -> None:
         wait_until(condition, what, self.limit_s)
+
+    def await_goodbyes(self) -> None:
+        """Wait until others are gone: Fast DDS crashed where this node ended among many."""
+        end = time.monotonic() + GOODBYE_S
+        while len(self.node.get_node_names()) > 1 and time.monotonic() < end:
+            time.sleep(0.02)
 
     def call(self, kind: Any, name: str, request: Any) -> Any:
         if name not in self._clients:
@@ -330,8 +341,10 @@ def graph(folder: Path) -> Iterator[Ros]:
     """Give a graph and a client that is spun in a thread; end all processes afterwards."""
     with free_domain() as domain:
         made = Graph(folder, domain)
-        with spinning(made) as client, made.ends:
-            yield made, client
+        with spinning(made) as client:
+            with made.ends:
+                yield made, client
+            client.await_goodbyes()
 
 
 @contextmanager
