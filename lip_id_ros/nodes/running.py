@@ -152,7 +152,7 @@ def _in_thread(executor: Executor, spin: Callable[[Future], None]) -> Iterator[N
 
 def _spin_on(executor: Executor, node: NodeBase, end: Future) -> None:
     """Spin again after an error past the guards, such as of a message of random bytes."""
-    n_run, since = node.n_callbacks, time.monotonic()
+    n_run, since = -1, 0.0  # at the first error since a callback ran
     while not end.done():
         try:
             executor.spin_until_future_complete(end)

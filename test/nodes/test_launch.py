@@ -9,6 +9,7 @@ import os
 from pathlib import Path
 import subprocess
 import sys
+import time
 from typing import Any, TYPE_CHECKING
 
 import psutil
@@ -246,6 +247,8 @@ def test_the_launch_activates_serve_if_asked_to(
     )
     with launched(graph, f'{name}.launch.py', 'params_file:=arm.yaml', *given) as log:
         client.status('serve', lambda status: status['state'] == state)
+        # launch_ros does not end while it waits for the answer to a transition
+        time.sleep(2.0)
     assert 'Failed to make transition' not in log.read_text()
 
 
