@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -23,6 +23,10 @@ largest near a quarter and three quarters.
 
 BEFORE_END = 1.0 - 1e-6
 """Share of a segment at which its end is sampled: its accelerations, not those of the next."""
+
+
+Torques = Callable[[Array, Array, Array, Array], Array]
+"""Torques (N, n) of positions, velocities, accelerations (N, n) at times (N,) [s]."""
 
 
 class Motion(NamedTuple):

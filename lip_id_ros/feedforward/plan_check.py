@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
 from lip_id_ros.errors import ConfigError, DataError, shortened
-from lip_id_ros.feedforward.interpolation import Motion, Plan
+from lip_id_ros.feedforward.interpolation import Motion, Plan, Torques
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.signals.joints import by_joint
 
@@ -27,9 +27,6 @@ MOST_WATCHED = 500
 
 MOST_LOOKS = 5
 """Times that all samples of a plan are looked at."""
-
-Torques = Callable[[Array, Array, Array, Array], Array]
-"""Torques (N, n) of positions, velocities, accelerations (N, n) at times (N,) [s]."""
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,13 @@ controller moves through them as it would without them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray
-from lip_id_ros.feedforward.interpolation import Motion, Plan
+from lip_id_ros.feedforward.interpolation import Motion, Plan, Torques
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 STEP_S = 0.01
@@ -22,9 +22,6 @@ STEP_S = 0.01
 
 TINY = 1e-9
 """In place of a bound of zero [N m or N]."""
-
-Torques = Callable[[Array, Array, Array, Array], Array]
-"""Torques (N, n) of positions, velocities, accelerations (N, n) at times (N,) [s]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -133,16 +133,16 @@ class ServedArm:
             raise RefusedError(Refusal.FOREIGN_JOINT)
         plan = completed(plan_of_points(names, points), self.joint_names, here)
         plan = plan.slowed(self._time_scale(plan))
-        begins_here = plan.t[0] > LEAST_BEGIN_S and here is not None and _is_at_rest(here)
-        if begins_here and here is not None:
-            plan = plan.begun_at(here[0], EARLY_S)
+        start = _start(plan, here)
+        if start is not None:
+            plan = plan.begun_at(start, EARLY_S)
 
         def torques(q: Array, dq: Array, ddq: Array, t: Array) -> Array:
             return self._torques(q, speed * dq, speed**2 * ddq, t / max(speed, LEAST_SPEED))
 
         adds, noise = self._settings.refine_plans, self.loaded.model.noise_std
         found = filled(plan, torques, noise, LEAST_SHARE, adds=adds)
-        if begins_here:
+        if start is not None:
             found = found.without_first()
         shaped = self.shaper.plan(found.tau, found.plan.t, found.states)
         self._counts['added_points'] += found.added
@@ -218,8 +218,11 @@ class ServedArm:
         return std
 
 
-def _is_at_rest(here: Array) -> bool:
-    return bool(np.abs(here[1]).max() < REST_SPEED)
+def _start(plan: Plan, here: Array | None) -> Array | None:
+    """Return the position (n,) from which points on the way to the first one are added, if any."""
+    if here is None or plan.t[0] <= LEAST_BEGIN_S or np.abs(here[1]).max() >= REST_SPEED:
+        return None
+    return np.asarray(here[0])
 
 
 class Server:

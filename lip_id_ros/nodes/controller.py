@@ -11,6 +11,7 @@ from uuid import uuid4
 from action_msgs.srv import CancelGoal
 from control_msgs.action import FollowJointTrajectory
 import numpy as np
+import rclpy
 from rclpy.action import ActionClient
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
@@ -23,6 +24,10 @@ ASK_AGAIN_S = 1.0
 
 LONGEST_ANSWER_S = 5.0
 """Controllers answer sooner."""
+
+
+LAST_ANSWER_S, LOOK_S = 3.0, 0.02
+"""A node that ends waits so long for controllers, and looks so often; `launch` kills after 10 s."""
 
 
 @dataclass
@@ -38,7 +43,7 @@ class _Cancel:
 
 class Controller:
     """
-    The action of a controller. What it is asked to cancel it is asked again until it answers.
+    The action of a controller. A cancel is sent again until the controller answers it.
 
     `action`: its name.
     """
@@ -111,7 +116,7 @@ class Controller:
                 self._ask(each)
 
     def destroy(self) -> None:
-        """Release what belongs to the node; what was not cancelled is asked no more, and told."""
+        """Release what belongs to the node; log an error where a cancel has no answer."""
         if self._pending:
             self._node.get_logger().error(
                 f'the controller of {self.action} may still execute a goal that it was asked to '
@@ -142,6 +147,13 @@ class Controller:
             each.on_refused()
 
 
+def await_last_answers(node: NodeBase, are_there: Callable[[], bool]) -> None:
+    """Spin a node that ends until the answers of controllers are there, or for `LAST_ANSWER_S`."""
+    until = time.monotonic() + LAST_ANSWER_S
+    while not are_there() and time.monotonic() < until:
+        rclpy.spin_once(node, timeout_sec=LOOK_S)
+
+
 def new_goal_id() -> UUID:
     """Return the identity of a new goal."""
     return UUID(uuid=list(uuid4().bytes))
@@ -170,7 +182,7 @@ class SpeedScaling:
 
     def read(self, message: Any) -> float:
         """Return the factor of a JointTrajectoryControllerState."""
-        speed = float(getattr(message, 'speed_scaling_factor', 1.0))
+        speed = float(message.speed_scaling_factor)
         self._is_known = self._is_known or speed != 0.0
         if self._is_known:
             return speed

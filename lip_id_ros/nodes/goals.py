@@ -43,7 +43,6 @@ class Goals:
         self._node, self._server, self._counts = node, server, counts
         self.controller = Controller(node, action)
         self._relays: dict[bytes, Relay] = {}  # by the identity of the goal
-        self._speeds: dict[bytes, float] = {}  # that their efforts are for
         self._time, self._look_at = WatchedTime(), 0.0
         self._scaling, self._speed = SpeedScaling(), 1.0
         name = self.controller.action.rpartition('/')[0]
@@ -69,12 +68,12 @@ class Goals:
         found = []
         if not self.controller.is_offered:
             found.append(f'no controller offers the action {self.controller.action}')
-        for speed in self._speeds.values():
-            if abs(self._speed - speed) > NEARLY:
+        for relay in self._relays.values():
+            if abs(self._speed - relay.speed) > NEARLY:
                 found.append(
-                    f'a goal with efforts for {100 * speed:.0f} % of its speed is executed at '
-                    f'{100 * self._speed:.0f} %: its efforts of inertia and friction are wrong; '
-                    'send it again at this speed'
+                    f'a goal with efforts for {100 * relay.speed:.0f} % of its speed is executed '
+                    f'at {100 * self._speed:.0f} %: its efforts of inertia and friction are '
+                    'wrong; send it again at this speed'
                 )
         return found
 
@@ -118,19 +117,18 @@ class Goals:
             # the action has no place for a reason
             reason = refused.reason
             self._node.warn(f'goal: {reason}', f'refused a goal ({reason}): {refused}')
-            self._counts.refused[refused.reason.value] += 1
-            return GoalResponse.REJECT
         except Exception as error:
+            reason = Refusal.FAILED
             self._node.caught(error)
-            self._counts.refused[Refusal.FAILED.value] += 1
-            return GoalResponse.REJECT
-        return GoalResponse.ACCEPT
+        else:
+            return GoalResponse.ACCEPT
+        self._counts.refused[reason.value] += 1
+        return GoalResponse.REJECT
 
     def _hand_on(self, handle: Any) -> None:
         handle.executing()
-        relay = Relay(self.controller, self._time, handle, self._finish)
+        relay = Relay(self.controller, self._time, handle, self._speed, self._finish)
         self._relays[_identity(handle)] = relay
-        self._speeds[_identity(handle)] = self._speed
         relay.send()
         _forget_plan(handle)
 
@@ -142,7 +140,7 @@ class Goals:
 
     def _finish(self, relay: Relay, outcome: Outcome, result: Any) -> None:
         handle = relay.handle
-        del self._relays[_identity(handle)], self._speeds[_identity(handle)]
+        del self._relays[_identity(handle)]
         self._counts.end(outcome)
         if result is None:
             result = FollowJointTrajectory.Result(

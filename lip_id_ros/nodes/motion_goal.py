@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
-import time
 from typing import Any
 
 from action_msgs.msg import GoalStatus
 from control_msgs.action import FollowJointTrajectory
 import numpy as np
 from rcl_interfaces.srv import GetParameters
-import rclpy
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
 
@@ -18,11 +16,13 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.errors import LipIdError
 from lip_id_ros.excitation.trajectory_file import Trajectory
 from lip_id_ros.nodes import messages
-from lip_id_ros.nodes.controller import Controller, LONGEST_ANSWER_S, new_goal_id
+from lip_id_ros.nodes.controller import (
+    await_last_answers,
+    Controller,
+    LONGEST_ANSWER_S,
+    new_goal_id,
+)
 from lip_id_ros.nodes.node import NodeBase
-
-LAST_ANSWER_S = 3.0
-"""A node that ends waits so long for the controller: `launch` kills it after 10 s."""
 
 EARLY_S = 0.5
 """A motion that ends before its time by more has not been executed."""
@@ -46,7 +46,8 @@ class MotionGoal:
     Has a controller execute motions, one at a time, and hold the arm where one has ended early.
 
     `measured` returns where joints are, shape (n,), or None where that is not known now. `held`:
-    positions by name that the arm was last told to hold; `on_news` is called where that changes.
+    the positions by joint that the controller was last asked to hold; `on_news` is called where
+    they change.
     """
 
     def __init__(
@@ -183,11 +184,12 @@ class MotionGoal:
 
     def stop(self) -> None:
         """Wait until the controller has cancelled a motion, and holds the arm."""
-        until = time.monotonic() + LAST_ANSWER_S
-        while time.monotonic() < until and not (
-            self._controller.is_settled and (self._holding is None or self._holding.done())
-        ):
-            rclpy.spin_once(self._node, timeout_sec=LATE_S)
+
+        def are_there() -> bool:
+            is_held = self._holding is None or self._holding.done()
+            return is_held and self._controller.is_settled
+
+        await_last_answers(self._node, are_there)
         self._controller.destroy()
 
     def watch(self, moving: bool) -> str | None:

@@ -43,6 +43,8 @@ class Relay:
     """
     One goal at the controller: `handle` is the client's, `finish` takes its end.
 
+    `speed`: the factor on the time of plans that its efforts are for.
+
     It ends once. Where the controller is lost or silent, the client hears of that, and the
     controller is asked to cancel the goal until it answers.
     """
@@ -52,9 +54,10 @@ class Relay:
         controller: Controller,
         time: WatchedTime,
         handle: Any,
+        speed: float,
         finish: Callable[[Relay, Outcome, Any], None],
     ) -> None:
-        self.handle = handle
+        self.handle, self.speed = handle, speed
         self._controller, self._time, self._finish = controller, time, finish
         self._theirs: Any = None
         self._sent_at, self._cancelled_at, self._over_at = time.now, math.inf, math.inf

@@ -10,7 +10,6 @@ import time
 from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
-import rclpy
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -31,6 +30,7 @@ from lip_id_ros.feedforward.settings import (
     unbounded,
 )
 from lip_id_ros.nodes import running
+from lip_id_ros.nodes.controller import await_last_answers
 from lip_id_ros.nodes.description import Description
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.running import outcome
@@ -42,9 +42,6 @@ from lip_id_ros.signals.torque_steps import LimitsFrom, require_limits
 
 WATCH_PERIOD_S = 0.02
 SUCCESS = TransitionCallbackReturn.SUCCESS
-
-LAST_ANSWER_S = 3.0
-"""A node that ends waits so long for controllers: `launch` kills it after 10 s."""
 
 
 class ServeNode(NodeBase, LifecycleNode):
@@ -70,16 +67,11 @@ class ServeNode(NodeBase, LifecycleNode):
     def stop(self) -> None:
         """Release the robot and end the lifecycle, once controllers have cancelled goals."""
         self._inputs.release_goals()
-        self._await_cancels()
+        await_last_answers(self, lambda: self._inputs.is_settled)
         if self._state_label != 'finalized':
             self.trigger_shutdown()
         self._inputs.destroy()
         self._pool.shutdown()
-
-    def _await_cancels(self) -> None:
-        until = time.monotonic() + LAST_ANSWER_S
-        while not self._inputs.is_settled and time.monotonic() < until:
-            rclpy.spin_once(self, timeout_sec=WATCH_PERIOD_S)
 
     def warnings(self) -> list[str]:
         """Describe what is wrong around the node, several publishers of one topic too."""

@@ -243,9 +243,8 @@ class Inputs:
             )
 
     def _on_controller_state(self, message: Any, info: Info) -> None:
-        # before Jazzy the reference was called desired
-        reference = message.reference if hasattr(message, 'reference') else message.desired
-        speed, names = self._scaling.read(message), message.joint_names
+        reference, names = message.reference, message.joint_names
+        speed = self._scaling.read(message)
         topic = self._optional[0].topic_name
         self._references.received += 1
         if self._is_contradicted:

@@ -208,7 +208,7 @@ def build(table: type[Table], values: Mapping[str, object], section: str, origin
 
 
 def unknown_name(label: str, name: str, known: Mapping[str, object], origin: str) -> str:
-    """Say that a name is unknown, and what it is called now, or which known one comes closest."""
+    """Say that a name is unknown, with its new name or the closest known one."""
     renamed = [each for each, row in known.items() if getattr(row, 'old_name', None) == name]
     if renamed:
         return f'{label} in {origin} is called {renamed[0]} now; rename it.'
