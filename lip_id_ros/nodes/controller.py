@@ -27,7 +27,7 @@ LONGEST_ANSWER_S = 5.0
 
 
 LAST_ANSWER_S, LOOK_S = 3.0, 0.02
-"""A node that ends waits so long for controllers, and looks so often; `launch` kills after 10 s."""
+"""A node that ends waits so long for controllers and looks so often; `launch` kills at 10 s."""
 
 
 @dataclass
