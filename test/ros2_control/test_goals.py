@@ -137,14 +137,14 @@ def test_efforts_of_a_goal_are_those_of_the_speed_at_which_it_begins(
         sender, states = Sender(control), states_of(control, 'arm')
         handle = sender.send(goal((1.0, 0.5), seconds=1.0))
         wait_for(control, states, lambda state: state.reference.positions[0] > 0.3)
+        sender.cancel(handle)
+        sender.result(handle)  # canceled, or on a loaded machine already succeeded
         moving = [state for state in list(states) if any(state.reference.accelerations)]
         for state in moving:
             ddq = 0.09 * np.array(state.reference.accelerations)
             expected = toy.torque(np.array(state.reference.positions), ddq)
             np.testing.assert_allclose(commanded(state), expected, atol=0.5)
         assert len(moving) > 10
-        sender.cancel(handle)
-        assert sender.result(handle)[0] == 'canceled'
         sender.destroy()
 
 
