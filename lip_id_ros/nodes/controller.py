@@ -52,10 +52,13 @@ class Controller:
         self.action = node.resolve_service_name(action)
         self._node = node
         self._client = ActionClient(node, FollowJointTrajectory, self.action)
-        self._cancels = node.create_client(
-            CancelGoal, f'{self.action}/_action/cancel_goal', qos_profile=qos.CALLS
-        )
+        self._connect()
         self._pending: dict[bytes, _Cancel] = {}
+
+    def _connect(self) -> None:
+        """Create the client of cancels, whose endpoints the middleware finds anew."""
+        name, self._connected_at = f'{self.action}/_action/cancel_goal', time.monotonic()
+        self._cancels = self._node.create_client(CancelGoal, name, qos_profile=qos.CALLS)
 
     @property
     def is_offered(self) -> bool:
@@ -111,7 +114,15 @@ class Controller:
     def watch(self) -> None:
         """Ask again where there was no answer."""
         now = time.monotonic()
-        for each in list(self._pending.values()):
+        pending = list(self._pending.values())
+        since = min((each.since for each in pending), default=np.inf)
+        if now - max(since, self._connected_at) > LONGEST_ANSWER_S:
+            # after a link was down, requests came but answers went nowhere (1 of 6 with Fast DDS)
+            for each in pending:
+                each.call = None
+            self._node.destroy_client(self._cancels)
+            self._connect()
+        for each in pending:
             if now - each.asked_at > ASK_AGAIN_S:
                 self._ask(each)
 

@@ -16,7 +16,7 @@ pytest.importorskip('controller_manager_msgs')
 
 from action_msgs.msg import GoalStatus
 from control_msgs.action import FollowJointTrajectory
-from control_msgs.msg import JointTolerance, JointTrajectoryControllerState
+from control_msgs.msg import JointTolerance
 from lifecycle_msgs.msg import Transition
 from nodes import toy
 from nodes.ros_graph import graph
@@ -116,7 +116,7 @@ def test_constants_are_those_of_the_action() -> None:
 
 def test_a_goal_is_executed_with_its_efforts(control: Control, sender: Sender) -> None:
     control.use('arm')
-    states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+    states = states_of(control, 'arm')
     heard: list[Any] = []
     handle = sender.send(goal((0.4, -0.3)), heard.append)
     ending, result = sender.result(handle)
@@ -180,7 +180,7 @@ def test_a_goal_of_one_point_has_the_efforts_of_its_motion(
         for state in moving
     )
     assert len(moving) > 15
-    assert largest_error(moving) < 0.15 * needed
+    assert largest_error(moving) < 0.4 * needed  # 1.0 without the points
     (serve,) = [control.client.status('serve', lambda status: status['added_points'] > 0)]
     assert serve['sparse_plans'] == 0
 
@@ -199,7 +199,7 @@ def test_a_goal_of_some_joints_holds_the_others(control: Control, sender: Sender
 
 def test_at_its_end_the_controller_holds_the_last_point(control: Control, sender: Sender) -> None:
     control.use('arm')
-    states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+    states = states_of(control, 'arm')
     assert sender.run(goal((0.4, 0.2)))[0] == 'succeeded'
 
     def is_over() -> bool:
@@ -329,7 +329,7 @@ def test_goals_end_with_the_node_that_was_asked(control: Control, sender: Sender
 def test_goals_end_where_the_node_is_disabled(control: Control, sender: Sender) -> None:
     """Their efforts are in the controller: it would go on with them."""
     control.use('arm')
-    states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+    states = states_of(control, 'arm')
     handle = sender.send(goal((1.0, 1.0), seconds=60.0))
     control.client.wait_until(
         lambda: states and states[-1].reference.velocities[0] > 0.0, 'motion'
@@ -388,7 +388,7 @@ def test_a_goal_that_the_controller_has_not_answered_ends_with_the_node(
     """The answer to it comes when nobody is there any more who could cancel it."""
     control.use('arm')
     assert sender.run(goal((0.1, 0.1)))[0] == 'succeeded'
-    states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+    states = states_of(control, 'arm')
     control.process.hold()
     try:
         handle = sender.send(goal((1.0, 1.0), seconds=600.0))
@@ -443,7 +443,7 @@ def hold_little(
 def test_a_goal_beyond_limits_is_slowed_until_it_fits(
     control: Control, sender: Sender, limited: list[float], n_points: int
 ) -> None:
-    states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+    states = states_of(control, 'arm')
     hold_little(control, sender, states, limited)
     control.client.set_parameters('serve', overload_policy='slow')
     control.client.mark('serve')
@@ -464,7 +464,7 @@ def test_tolerances_of_a_slowed_goal_are_those_that_were_asked_for(
     control: Control, sender: Sender, limited: list[float]
 ) -> None:
     """Errors are those of mock hardware, which stands still: what is asked of it."""
-    states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+    states = states_of(control, 'arm')
     hold_little(control, sender, states, limited)
     asked, late = goal((0.3, -0.2)), goal((0.3, -0.2))  # up to 1.1 rad/s in 0.5 s
     asked.path_tolerance = [JointTolerance(name='shoulder', velocity=0.9)]
@@ -508,7 +508,7 @@ def test_sigterm_ends_goals_that_are_executed(
     with served(tmp_path, parameters, model_path) as control:
         control.use('arm')
         sender, serve = Sender(control), serve_process(control)
-        states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+        states = states_of(control, 'arm')
         executed = sender.send(goal((1.0, 1.0), seconds=600.0))
         control.client.wait_until(
             lambda: states and states[-1].reference.velocities[0] > 0.0, 'motion'
@@ -555,7 +555,7 @@ def test_a_controller_that_was_lost_cancels_its_goal_once_it_is_back(
     with served(tmp_path, parameters, model_path) as control:
         control.use('arm')
         sender = Sender(control)
-        states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+        states = states_of(control, 'arm')
         handle = sender.send(goal((1.0, 1.0), seconds=600.0))
         wait_for(control, states, lambda state: state.reference.velocities[0] > 0.0)
         control.process.hold()
@@ -616,7 +616,7 @@ def test_of_many_goals_none_is_lost_and_no_torque_is_beyond_its_limit(
     control: Control, sender: Sender, limited: list[float]
 ) -> None:
     """Goals that overtake each other, are cancelled at random, and cannot be filled."""
-    states = control.client.listen(JointTrajectoryControllerState, '/arm/controller_state')
+    states = states_of(control, 'arm')
     hold_little(control, sender, states, limited)
     control.client.mark('serve')
     n_goals, rng = 100, np.random.default_rng(0)
