@@ -21,9 +21,14 @@ from benchmarks._arms import random_arm, RandomArm, sines
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.evaluation.metrics import nmse_percent
-from lip_id_ros.friction.conservative_terms import LeverSpring, Ripple, Spring
-from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
-from lip_id_ros.friction.dahl import Dahl
+from lip_id_ros.friction.conservative_terms import (
+    lever_spring,
+    position_curve,
+    ripple,
+    spring,
+    velocity_curve,
+)
+from lip_id_ros.friction.terms import dahl
 from lip_id_ros.identification import fit
 
 N_JOINTS, RATE_HZ, SECONDS, REACH = 3, 50.0, 40.0, 1.6
@@ -35,9 +40,9 @@ BUMPS, BUMP, BREADTH, DROOP = 3, 0.3, 0.4, 0.3
 """Of a torque over the position [-, torque, rad], and of efforts that fall with speed."""
 
 FOUND = {
-    'memory': (Dahl,),
-    'position': (PositionCurve, Ripple, Spring, LeverSpring),
-    'speed': (VelocityCurve,),
+    'memory': (dahl,),
+    'position': (position_curve, ripple, spring, lever_spring),
+    'speed': (velocity_curve,),
     'none': (),
 }
 """Terms that stand for what a drive adds."""
@@ -88,7 +93,7 @@ def fitted(kind: str, seed: int) -> tuple[dict[str, int], Array, float]:
     assert test.tau_noiseless is not None
     terms = model.arm.friction.basis.terms
     found = {
-        each: len({part.drive.joints[0] for part in terms if isinstance(part.term, kinds)})
+        each: len({part.drive.joints[0] for part in terms if part.term.kind in kinds})
         for each, kinds in FOUND.items()
     }
     tau = model.predict(test.q, test.dq, test.ddq, test.t).tau

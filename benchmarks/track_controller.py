@@ -28,7 +28,8 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.export.arm import ArmDescription, JointRanges
 from lip_id_ros.export.c_header import to_c_header
-from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.friction.basis import plain_friction
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.preprocessing import preprocess
 from lip_id_ros.recording import JointSamples

@@ -19,9 +19,8 @@ from lip_id_ros.adaptation.payloads import known_payload
 from lip_id_ros.adaptation.possible import PossibleArms
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.errors import ModelError
-from lip_id_ros.friction.compiled import FrictionFeatures
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.friction.terms import FrictionTerm, Offset
+from lip_id_ros.friction.terms import offset, Term
 from lip_id_ros.joint_types import JointHistory, UNKNOWN
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
@@ -87,7 +86,6 @@ class FollowedArm:
         self._model, self._settings = model, walk
         self.arm = arm = model.arm
         self.noise = arm.noise
-        self._friction_features = FrictionFeatures(arm.friction.basis)
         self._n_links, self._first = arm.links.size, DIRECTIONS * model.n_joints
         self.start = np.concatenate([arm.links.ravel(), arm.friction.coefficients])
         root = arm.covariance_root[self._first : self._first + self.start.size]
@@ -145,7 +143,7 @@ class FollowedArm:
     @cached_property
     def _walk_variance(self) -> Array:
         own, start = self._settings, self.arm.friction.coefficients
-        is_offset = np.array([isinstance(term, Offset) for _, term in self._columns])
+        is_offset = np.array([term.kind is offset for _, term in self._columns])
         changing = np.hypot(own.friction * start, own.small * self.unit)
         return np.asarray(np.where(is_offset, own.offset * self.unit, changing) ** 2)
 
@@ -214,9 +212,7 @@ class FollowedArm:
         """
         _, friction = self._parts(numbers)
         tau, load, regressor, own = self._torque(numbers, q, dq, ddq, history)
-        slopes = self._friction_features.load_slopes(
-            friction.coefficients, q, dq, ddq, load, history
-        )
+        slopes = friction.load_slopes(q, dq, ddq, load, history)
         by_numbers = np.concatenate([regressor + slopes @ regressor, own], axis=2)
         by_numbers[:, self._replaced] = 0.0
         return tau, by_numbers
@@ -238,7 +234,7 @@ class FollowedArm:
         links, friction = self._parts(numbers)
         regressor = torque_regressor(self.arm.chain, q, dq, ddq)
         load = regressor @ links.ravel()
-        own = self._friction_features(q, dq, ddq, load, history)
+        own = self.arm.friction.basis.features(q, dq, ddq, load, history)
         tau = load + own @ friction.coefficients
         if self._residual_gp is not None:
             self._residual_gp.add_to(tau, q, dq, ddq)
@@ -363,7 +359,7 @@ class FollowedArm:
         return np.asarray(np.linalg.qr(np.hstack([kept, followed]).T, mode='r').T)
 
     @property
-    def _columns(self) -> list[tuple[int, FrictionTerm]]:
+    def _columns(self) -> list[tuple[int, Term]]:
         """The joint and the term of every coefficient."""
         terms = self.arm.friction.basis.terms
         return [(e.drive.efforts[0][0], e.term) for e in terms for _ in range(e.size)]
@@ -379,7 +375,7 @@ class FollowedArm:
 
     def _features(self, q: Array, dq: Array, ddq: Array) -> Array:
         load = torque_regressor(self.arm.chain, q, dq, ddq) @ self.arm.links.ravel()
-        return self._friction_features(q, dq, ddq, load)
+        return self.arm.friction.basis.features(q, dq, ddq, load)
 
 
 def _usual_states(model: InverseDynamicsModel) -> tuple[Array, Array, Array]:

@@ -143,7 +143,7 @@ def _coupling(arm: ArmDescription) -> dict[str, str]:
 def _friction(arm: ArmDescription) -> list[str]:
     by_drive: dict[Drive, list[tuple[str, float, Column]]] = {}
     for part, coefficients in arm.friction_terms():
-        columns = zip(coefficients, part.term.columns(), strict=True)
+        columns = zip(coefficients, part.term.columns, strict=True)
         features = [(part.term.name, float(factor), column) for factor, column in columns]
         by_drive.setdefault(part.drive, []).extend(features)
     lines = []

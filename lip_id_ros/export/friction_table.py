@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.friction import terms
-from lip_id_ros.friction.conservative_terms import LeverSpring, Ripple, Spring
-from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
-from lip_id_ros.friction.dahl import Dahl
-from lip_id_ros.friction.drives import DriveTerm, LoadTorque, SharedFriction
-from lip_id_ros.friction.model import FrictionBasis
+from lip_id_ros.friction import conservative_terms, terms
+from lip_id_ros.friction.basis import FrictionBasis
+from lip_id_ros.friction.drives import DriveTerm
 from lip_id_ros.joint_types import PRISMATIC
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body import LINK_PARAMETERS
@@ -24,28 +21,34 @@ HEADER = ('', 'term', 'coefficient', 'unit')
 TORQUE, VISCOUS = 'N m', 'N m s/rad'
 BOTH = ('viscous', VISCOUS), ('Coulomb', TORQUE)
 
-COEFFICIENTS: Mapping[type, tuple[tuple[str, str], ...]] = {
-    terms.Viscous: (('', VISCOUS),),
-    terms.Lag: (('', 'N m s²/rad'),),
-    terms.Coulomb: (('', TORQUE),),
-    terms.Offset: (('', TORQUE),),
-    terms.QuadraticViscous: (('', 'N m s²/rad²'),),
-    terms.LoadCoulomb: (('', '1'),),
-    terms.LoadViscous: (('', 's/rad'),),
-    terms.Presliding: (('', TORQUE),),
-    terms.Asymmetric: tuple(
+COEFFICIENTS: Mapping[Callable[..., terms.Term], tuple[tuple[str, str], ...]] = {
+    terms.viscous: (('', VISCOUS),),
+    terms.lag: (('', 'N m s²/rad'),),
+    terms.coulomb: (('', TORQUE),),
+    terms.offset: (('', TORQUE),),
+    terms.quadratic: (('', 'N m s²/rad²'),),
+    terms.load_coulomb: (('', '1'),),
+    terms.load_viscous: (('', 's/rad'),),
+    terms.presliding: (('', TORQUE),),
+    terms.asymmetric: tuple(
         (f'{name} {way}', unit) for way in ('forwards', 'backwards') for name, unit in BOTH
     ),
-    terms.PositionCoulomb: tuple(
+    terms.position_coulomb: tuple(
         (f'largest at {degrees:g} deg', TORQUE) for degrees in np.degrees(terms.PHASES)
     ),
-    Ripple: (('cosine', TORQUE), ('sine', TORQUE)),
-    Spring: (('', 'N m/rad'),),
-    Dahl: (('', TORQUE),),
-    LoadTorque: (('', '1'),),
-    SharedFriction: BOTH,
+    conservative_terms.ripple: (('cosine', TORQUE), ('sine', TORQUE)),
+    conservative_terms.spring: (('', 'N m/rad'),),
+    terms.dahl: (('', TORQUE),),
+    terms.load_torque: (('', '1'),),
+    terms.shared_friction: BOTH,
 }
 """What each coefficient of a term is, beside its name, and its unit at a revolute joint."""
+
+CURVES = {
+    conservative_terms.position_curve: 'rad',
+    conservative_terms.velocity_curve: 'rad/s',
+}
+"""Units of what curves are over."""
 
 
 class Coefficient(NamedTuple):
@@ -133,15 +136,16 @@ def _labels(
     return found
 
 
-def coefficients_of(term: terms.FrictionTerm) -> tuple[tuple[str, str], ...]:
+def coefficients_of(term: terms.Term) -> tuple[tuple[str, str], ...]:
     """Return what each coefficient of a term is beside its name, and its unit."""
-    if isinstance(term, PositionCurve | VelocityCurve):
-        unit = 'rad' if isinstance(term, PositionCurve) else 'rad/s'
-        return tuple((f'step at {centre:.3g} {unit}', TORQUE) for centre in term.centres)
-    if isinstance(term, terms.Stribeck | terms.SaturatingViscous):
-        widths = [column[-1][1].width for column in term.columns()]
-        return tuple((f'within {width:.2g} rad/s', TORQUE) for width in widths)
-    if isinstance(term, LeverSpring):
-        at = f'eccentricity {term.eccentricity:.3g}, dead centre {term.dead_centre:.3g} rad'
+    known, lasts = term.parameters, [column[-1][1] for column in term.columns if column]
+    if term.kind in CURVES:
+        unit = CURVES[term.kind]
+        return tuple((f'step at {last.centre:.3g} {unit}', TORQUE) for last in lasts)
+    if term.kind in (terms.stribeck, terms.saturating):
+        return tuple((f'within {last.width:.2g} rad/s', TORQUE) for last in lasts)
+    if term.kind is conservative_terms.lever_spring:
+        e, centre = known['eccentricity'], known['dead_centre']
+        at = f'eccentricity {e:.3g}, dead centre {centre:.3g} rad'
         return (f'constant force, {at}', TORQUE), (f'stiffness, {at}', TORQUE)
-    return COEFFICIENTS[type(term)]
+    return COEFFICIENTS[term.kind]

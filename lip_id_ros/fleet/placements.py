@@ -21,7 +21,6 @@ from lip_id_ros.checked_file import Packable
 from lip_id_ros.dataset import concatenate, Dataset
 from lip_id_ros.fleet.results import ARM, SIGNALS, Survey
 from lip_id_ros.fleet.survey import merged
-from lip_id_ros.friction.compiled import friction_features
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFitter, Described
@@ -284,6 +283,6 @@ def _centred(
         deviation = solution.recordings.friction[number] - solution.friction.coefficients
         load = links_torque(fit.chain, fit.links, part)
         state = part.q, part.dq, part.ddq, load, part.history
-        features = friction_features(fit.friction.basis, *state)
+        features = fit.friction.basis.features(*state)
         parts.append(replace(part, tau=part.tau - features @ deviation))
     return concatenate(parts)

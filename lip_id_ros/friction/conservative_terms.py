@@ -1,156 +1,142 @@
-"""Conservative torques that are selected like friction (maths.md, section 12)."""
+"""
+Torques that are selected like friction, but are none (maths.md, section 12).
+
+Springs and ripples over the position q of a drive, and curves of any shape over q or its velocity
+v: sums of smooth steps, flat where the data are silent, as smoothed random walks (Wahba, Spline
+Models for Observational Data, 1990).
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 import numpy as np
 
-from lip_id_ros.arrays import Array
 from lip_id_ros.friction.primitives import (
-    Column,
     COSINE,
     LEVER,
     ONE,
     POSITION,
     Primitive,
     SINE,
+    STEP,
+    STEP_AT,
 )
-from lip_id_ros.friction.terms import DriveState, FREE
+from lip_id_ros.friction.terms import FREE, single, Term
 
 ECCENTRICITIES, SHAPE_STEP = (0.02, 0.98), 1e-4
 """
 Least and largest of a lever; steps of eccentricities and dead centres [rad], for their slopes.
 """
 
+CURVE_SHARE = 0.03
+"""Prior deviation of a step of a curve, as a share of that of other coefficients."""
 
-@dataclass(frozen=True)
-class Ripple:
+OVERLAP = 0.75
+"""Width of a step, in distances of steps."""
+
+NARROWEST = 1e-12
+"""Least width of a step [rad, m, rad/s or m/s]."""
+
+
+def ripple(harmonic: int) -> Term:
     """
-    Torque of so many periods a turn, as of a counterweight, a gear or a cogging motor.
+    Return the torque of h periods a turn, as of a counterweight, a gear or a cogging motor.
 
-    Holtz and Springob, IEEE Trans. Industrial Electronics 1996; of strain wave gears: Ghorbel,
-    Gandhi and Alpeter, J. Mechanical Design 2001. It is conservative, not friction.
+    cos(h q) and sin(h q) (Holtz and Springob, IEEE Trans. Industrial Electronics 1996; of strain
+    wave gears: Ghorbel, Gandhi and Alpeter, J. Mechanical Design 2001).
     """
-
-    harmonic: int
-    lower: ClassVar[tuple[float, ...]] = (FREE, FREE)
-
-    @property
-    def name(self) -> str:
-        """Return what the literature calls it."""
-        return {1: 'periodic once a turn', 2: 'periodic twice a turn'}.get(
-            self.harmonic, f'ripple {self.harmonic} times a turn'
-        )
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 2)."""
-        angle = self.harmonic * state.q
-        return np.column_stack([np.cos(angle), np.sin(angle)])
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return tuple(
-            ((1.0, Primitive(ONE, position=each, harmonic=float(self.harmonic))),)
-            for each in (COSINE, SINE)
-        )
+    often = {1: 'periodic once', 2: 'periodic twice'}.get(harmonic, f'ripple {harmonic} times')
+    columns = tuple(
+        single(Primitive(ONE, position=wave, harmonic=float(harmonic))) for wave in (COSINE, SINE)
+    )
+    return Term(ripple, f'{often} a turn', columns, FREE, {'harmonic': harmonic})
 
 
-@dataclass(frozen=True)
-class Spring:
-    """A linear spring of the joint, as a counterbalance has; its rest position is in `Offset`."""
-
-    name: ClassVar[str] = 'joint spring'
-    lower: ClassVar[tuple[float, ...]] = (FREE,)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 1)."""
-        return state.q[:, None]
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return (((1.0, Primitive(ONE, position=POSITION)),),)
+def spring() -> Term:
+    """Return a linear spring, q, as a counterbalance has; its rest position is in `offset`."""
+    return Term(spring, 'joint spring', (single(Primitive(ONE, position=POSITION)),), FREE)
 
 
-@dataclass(frozen=True)
-class LeverSpring:
+def lever_spring(eccentricity: float, dead_centre: float) -> Term:
     """
-    A coil or gas spring between a point of the link and one of the link before.
+    Return a coil or gas spring between a point of the link and one of the link before.
 
     Points at distances a and b from the axis are l = c sqrt(1 - e cos(q - q0)) apart, where c^2 =
     a^2 + b^2 and the eccentricity e = 2 a b / c^2; at the dead centre q0 they are nearest. A
     spring of force k (l - l0) has the torque k c^2 e / 2 sin(q - q0) (1 - (l0 / c) / sqrt(1 - e
-    cos(q - q0))), one of constant force F along the line the second part alone. It is
-    conservative, not friction.
+    cos(q - q0))), one of constant force F along the line the second part alone: the features are
+    sin(q - q0) / sqrt(1 - e cos(q - q0)), of the constant force, and sin(q - q0), of the
+    stiffness. ValueError where the points always or never are as far apart.
     """
-
-    eccentricity: float
-    dead_centre: float
-    name: ClassVar[str] = 'lever spring'
-    lower: ClassVar[tuple[float, ...]] = (FREE, FREE)
-
-    def __post_init__(self) -> None:
-        """Check the shape; ValueError where the points always or never are as far apart."""
-        low, high = ECCENTRICITIES
-        if not low <= self.eccentricity <= high:
-            raise ValueError(f'a lever whose eccentricity is not between {low} and {high}')
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 2): of the constant force, and of the stiffness."""
-        return lever_features(state.q, self.eccentricity, self.dead_centre)
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return ((1.0, _lever_at(self.eccentricity, self.dead_centre)),), (
-            (1.0, _sine_at(self.dead_centre)),
-        )
+    low, high = ECCENTRICITIES
+    if not low <= eccentricity <= high:
+        raise ValueError(f'a lever whose eccentricity is not between {low} and {high}')
+    columns = single(_lever(eccentricity, dead_centre)), single(_sine(dead_centre))
+    parameters = {'eccentricity': eccentricity, 'dead_centre': dead_centre}
+    return Term(lever_spring, 'lever spring', columns, FREE, parameters)
 
 
-@dataclass(frozen=True)
-class LeverShape:
+def lever_shape(eccentricity: float, dead_centre: float) -> Term:
     """
-    Slopes of `LeverSpring` by its eccentricity and its dead centre, as central differences.
+    Return slopes of `lever_spring` by its eccentricity and dead centre, as central differences.
 
     Directions of the fit and of the posterior, whose coefficients are zero: of the constant force
     by both, and of the stiffness by the dead centre.
     """
-
-    eccentricity: float
-    dead_centre: float
-    name: ClassVar[str] = 'lever shape'
-    lower: ClassVar[tuple[float, ...]] = (FREE, FREE, FREE)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 3)."""
-        h, e, centre = SHAPE_STEP, self.eccentricity, self.dead_centre
-        by_eccentricity = lever_features(state.q, e + h, centre) - lever_features(
-            state.q, e - h, centre
-        )
-        by_centre = lever_features(state.q, e, centre + h) - lever_features(state.q, e, centre - h)
-        return np.column_stack([by_eccentricity[:, 0], by_centre]) / (2.0 * h)
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        h, e, centre = SHAPE_STEP, self.eccentricity, self.dead_centre
-        ends = (
-            (_lever_at(e + h, centre), _lever_at(e - h, centre)),
-            (_lever_at(e, centre + h), _lever_at(e, centre - h)),
-            (_sine_at(centre + h), _sine_at(centre - h)),
-        )
-        return tuple(((0.5 / h, more), (-0.5 / h, less)) for more, less in ends)
+    h, e, centre = SHAPE_STEP, eccentricity, dead_centre
+    ends = (
+        (_lever(e + h, centre), _lever(e - h, centre)),
+        (_lever(e, centre + h), _lever(e, centre - h)),
+        (_sine(centre + h), _sine(centre - h)),
+    )
+    columns = tuple(((0.5 / h, more), (-0.5 / h, less)) for more, less in ends)
+    parameters = {'eccentricity': eccentricity, 'dead_centre': dead_centre}
+    return Term(lever_shape, 'lever shape', columns, FREE, parameters)
 
 
-def lever_features(q: Array, eccentricity: float, dead_centre: float) -> Array:
-    """Return the features of `LeverSpring` at positions (N,) [rad], shape (N, 2)."""
-    sine = np.sin(q - dead_centre)
-    length = np.sqrt(1.0 - eccentricity * np.cos(q - dead_centre))
-    return np.column_stack([sine / length, sine])
+def _lever(eccentricity: float, centre: float) -> Primitive:
+    return Primitive(ONE, position=LEVER, harmonic=eccentricity, centre=centre)
 
 
-def _lever_at(eccentricity: float, dead_centre: float) -> Primitive:
-    return Primitive(ONE, position=LEVER, harmonic=eccentricity, centre=dead_centre)
-
-
-def _sine_at(centre: float) -> Primitive:
+def _sine(centre: float) -> Primitive:
     return Primitive(ONE, position=SINE, centre=centre)
+
+
+def position_curve(low: float, high: float, count: int) -> Term:
+    """
+    Return torque over the joint's own position, as of cables, cogging or a torque sensor.
+
+    tanh((q - c) / b) for centres c from low to high [rad or m], and of the breadth b.
+    """
+    harmonic = 1.0 / _breadth(low, high, count)
+    columns = tuple(
+        single(Primitive(ONE, position=STEP_AT, harmonic=harmonic, centre=c))
+        for c in np.linspace(low, high, count).tolist()
+    )
+    parameters = {'low': low, 'high': high, 'count': count}
+    return Term(
+        position_curve, 'curve over position', columns, FREE, parameters, prior_share=CURVE_SHARE
+    )
+
+
+def velocity_curve(low: float, high: float, count: int) -> Term:
+    """
+    Return torque over the joint's own velocity, as of drives whose effort falls with speed.
+
+    tanh((v - c) / b) for centres c from low to high [rad/s or m/s], and of the breadth b.
+    """
+    breadth = _breadth(low, high, count)
+    columns = tuple(
+        single(Primitive(STEP, breadth, centre=c)) for c in np.linspace(low, high, count).tolist()
+    )
+    parameters = {'low': low, 'high': high, 'count': count}
+    return Term(
+        velocity_curve, 'curve over velocity', columns, FREE, parameters, prior_share=CURVE_SHARE
+    )
+
+
+def _breadth(low: float, high: float, count: int) -> float:
+    """Return the width of each step of a curve; ValueError where there are none."""
+    breadth = OVERLAP * (high - low) / (count - 1) if count > 1 else 0.0
+    if not NARROWEST <= breadth < np.inf:
+        raise ValueError('a curve that has no steps')
+    return breadth

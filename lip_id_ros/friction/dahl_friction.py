@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray, IntArray
-from lip_id_ros.friction.dahl import advance_dahl, Dahl, LONGEST_GAP_S
+from lip_id_ros.friction.dahl import advance_dahl, LONGEST_GAP_S
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.joint_types import DISPLACEMENTS
 from lip_id_ros.numba_jit import jit, jit_inlined
@@ -28,30 +28,17 @@ class DahlFriction(NamedTuple):
     @classmethod
     def of(cls, friction: FrictionModel, left_out: BoolArray) -> DahlFriction:
         """Return the terms of friction that remember, but for joints (n,) that are left out."""
-        basis = friction.basis
-        rows = [
-            (
-                part.drive.joints[0],
-                DISPLACEMENTS.index(part.term.displacement),
-                place.start,
-                part.drive.ratios[0],
-                part.term.width,
-                friction.coefficients[place.start],
-            )
-            for part, place in zip(basis.terms, basis.slices, strict=True)
-            if isinstance(part.term, Dahl) and len(part.drive.joints) == 1
-            if not left_out[part.drive.joints[0]]
-        ]
-        columns = np.array(rows).reshape(-1, 6).T.copy()
-        joint, displacement, place, ratio, width, coefficient = columns
+        signs, place, joint, displacement = friction.basis.memory
+        ratio = signs.compiled.ratios[np.arange(joint.size), joint]
+        kept = ~left_out[joint]
         return cls(
-            joint.astype(np.int64),
-            ratio,
-            displacement.astype(np.int64),
-            place.astype(np.int64),
-            width,
-            coefficient,
-            float(basis.rise_time),
+            joint[kept],
+            ratio[kept],
+            displacement[kept],
+            place[kept],
+            signs.compiled.width[kept],
+            friction.coefficients[place[kept]],
+            float(friction.basis.rise_time),
         )
 
     def largest(self, n_joints: int) -> Array:
@@ -86,7 +73,7 @@ class DahlFriction(NamedTuple):
 
 @jit
 def add_dahl_torque(terms: DahlFriction, dq: Array, ddq: Array, states: Array, out: Array) -> None:
-    """Add the torques (n,) of friction with the states (n, D) of `Dahl` at one joint state."""
+    """Add the torques (n,) of friction with the states (n, D) of `dahl` at one joint state."""
     for k in range(len(terms.joint)):
         j = terms.joint[k]
         remembered = states[j, terms.displacement[k]] - _sign(terms, k, dq[j], ddq[j])

@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-import math
-from typing import Any, ClassVar
+from inspect import signature
+from typing import Any
 
 import numpy as np
 
-from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ModelError
-from lip_id_ros.friction import terms
-from lip_id_ros.friction.conservative_terms import LeverSpring, Ripple, Spring
-from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
-from lip_id_ros.friction.dahl import Dahl
-from lip_id_ros.friction.primitives import Column, LOAD, Primitive, SIGN, VELOCITY
-from lip_id_ros.friction.terms import DriveState, FREE, FrictionTerm, smooth_sign
-
-WIDTH_STEP = 1e-2
-"""Of the logarithm of a width, for its slope."""
+from lip_id_ros.friction import conservative_terms, terms
+from lip_id_ros.friction.terms import Term
 
 LARGEST, MOST = 1e9, 1000
 """No parameter of a term in a file is larger; none that is an integer."""
@@ -59,39 +51,13 @@ class Drive:
         shares = zip(self.joints, self.shares or self.ratios, strict=True)
         return tuple((joint, share) for joint, share in shares if share != 0.0)
 
-    def state(
-        self,
-        q: Array,
-        dq: Array,
-        ddq: Array,
-        load: Array,
-        rise_time: float,
-        discrepancy: Array | float = 0.0,
-        dahl: Array | None = None,
-    ) -> DriveState:
-        """Return the state of the drive at joint states and loads of shape (N, n)."""
-        joints, ratios = list(self.joints), np.array(self.ratios)
-        position, speed, acceleration = (x[:, joints] @ ratios for x in (q, dq, ddq))
-        smoothing = rise_time * np.abs(acceleration)
-        own = np.broadcast_to(discrepancy, dq.shape) @ self.signs(dq.shape[1])
-        states = dahl[:, joints[0]] if dahl is not None and len(joints) == 1 else None
-        return DriveState(
-            position, speed, acceleration, load[:, joints[0]], smoothing, own, states
-        )
-
-    def signs(self, n_joints: int) -> Array:
-        """Return the sign with which a joint turns the drive alone, shape (n,); else zeros."""
-        signs = np.zeros(n_joints)
-        signs[list(self.joints)] = np.sign(self.ratios)
-        return signs if np.count_nonzero(signs) == 1 else np.zeros(n_joints)
-
 
 @dataclass(frozen=True)
 class DriveTerm:
     """One term of one drive."""
 
     drive: Drive
-    term: FrictionTerm
+    term: Term
 
     @property
     def size(self) -> int:
@@ -101,7 +67,7 @@ class DriveTerm:
     def to_json(self) -> dict[str, Any]:
         """Return the term for a model file."""
         drive = {name: list(value) for name, value in vars(self.drive).items()}
-        return {**drive, 'term': type(self.term).__name__, **vars(self.term)}
+        return {**drive, 'term': NAMES[self.term.kind], **self.term.parameters}
 
     @classmethod
     def from_json(cls, entry: Mapping[str, Any], n_joints: int) -> DriveTerm:
@@ -126,105 +92,38 @@ class DriveTerm:
         return cls(Drive(joints, ratios, shares), _term_from_json(rest))
 
 
-@dataclass(frozen=True)
-class LoadTorque:
-    """
-    A share of the torque of another joint's links.
-
-    Efforts are those of motors that turn more than one joint each, as in a coupled wrist: the
-    coupling matrix times the torques of the joints. The drive is `Drive.transmitted`.
-    """
-
-    name: ClassVar[str] = 'torque'
-    lower: ClassVar[tuple[float, ...]] = (FREE,)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 1)."""
-        return state.load[:, None]
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return (((1.0, Primitive(LOAD)),),)
-
-
-@dataclass(frozen=True)
-class SharedFriction:
-    """
-    Shares of the viscous and Coulomb friction of another joint, of any sign (see `LoadTorque`).
-
-    Such a share may drive the joint: it is part of the coupling, not friction of that joint.
-    """
-
-    width: float
-    name: ClassVar[str] = 'friction'
-    lower: ClassVar[tuple[float, ...]] = (FREE, FREE)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 2)."""
-        return np.column_stack([state.dq, smooth_sign(state, self.width)])
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return ((1.0, Primitive(VELOCITY)),), ((1.0, Primitive(SIGN, self.width)),)
-
-
-@dataclass(frozen=True)
-class SignWidth:
-    """
-    Slope of Coulomb friction by the logarithm of its width, as a central difference.
-
-    A direction of the posterior: the width was selected, and its deviation is that of the
-    coefficient, which is zero, in units of the coefficient of Coulomb friction.
-    """
-
-    width: float
-    name: ClassVar[str] = 'sign width'
-    lower: ClassVar[tuple[float, ...]] = (FREE,)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 1)."""
-        (column,) = self.columns()
-        signs = [factor * smooth_sign(state, sign.width) for factor, sign in column]
-        return np.sum(signs, axis=0)[:, None]
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        steps = WIDTH_STEP, -WIDTH_STEP
-        return (tuple((0.5 / h, Primitive(SIGN, self.width * math.exp(h))) for h in steps),)
-
-
-_TERMS: dict[str, type[FrictionTerm]] = {
-    each.__name__: each
-    for each in (
-        terms.Viscous,
-        terms.Lag,
-        terms.Coulomb,
-        terms.Offset,
-        terms.Stribeck,
-        terms.SaturatingViscous,
-        terms.QuadraticViscous,
-        terms.LoadCoulomb,
-        terms.LoadViscous,
-        terms.Presliding,
-        terms.Asymmetric,
-        terms.PositionCoulomb,
-        Ripple,
-        Spring,
-        LeverSpring,
-        PositionCurve,
-        VelocityCurve,
-        Dahl,
-        LoadTorque,
-        SharedFriction,
-    )
+KINDS: dict[str, Callable[..., Term]] = {
+    'Viscous': terms.viscous,
+    'Lag': terms.lag,
+    'Coulomb': terms.coulomb,
+    'Offset': terms.offset,
+    'Stribeck': terms.stribeck,
+    'SaturatingViscous': terms.saturating,
+    'QuadraticViscous': terms.quadratic,
+    'LoadCoulomb': terms.load_coulomb,
+    'LoadViscous': terms.load_viscous,
+    'Presliding': terms.presliding,
+    'Asymmetric': terms.asymmetric,
+    'PositionCoulomb': terms.position_coulomb,
+    'Ripple': conservative_terms.ripple,
+    'Spring': conservative_terms.spring,
+    'LeverSpring': conservative_terms.lever_spring,
+    'PositionCurve': conservative_terms.position_curve,
+    'VelocityCurve': conservative_terms.velocity_curve,
+    'Dahl': terms.dahl,
+    'LoadTorque': terms.load_torque,
+    'SharedFriction': terms.shared_friction,
 }
-"""All terms by the name of their class, as model files have it."""
+"""What makes a term, by its name in model files."""
+
+NAMES = {kind: name for name, kind in KINDS.items()}
+"""Names in model files by what makes the term."""
 
 
-def _term_from_json(entry: dict[str, float | str]) -> FrictionTerm:
+def _term_from_json(entry: dict[str, float | str]) -> Term:
     parameters = {name: value for name, value in entry.items() if name != 'term'}
-    kind = _TERMS.get(str(entry.get('term')))
-    if kind is None or set(parameters) != {each.name for each in fields(kind)}:  # type: ignore[arg-type]
+    kind = KINDS.get(str(entry.get('term')))
+    if kind is None or set(parameters) != set(signature(kind).parameters):
         raise ModelError(
             f'a friction term of this version was expected, but the file has {entry}; '
             'fit the model again.'

@@ -17,7 +17,7 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.friction.terms import Coulomb, SaturatingViscous, WIDENINGS
+from lip_id_ros.friction.terms import coulomb, saturating, WIDENINGS
 from lip_id_ros.numba_jit import jit
 
 RATIOS = (1.0, 2.0, 4.0, 8.0, 16.0)
@@ -136,17 +136,17 @@ def sticking_noise(
     smoothing = friction.basis.rise_time * np.sqrt(np.mean(ddq**2, axis=0))
     for part in friction.basis.terms:
         for joint, _ in part.drive.efforts:
-            if isinstance(part.term, Coulomb):
-                width[joint] = np.hypot(part.term.width, smoothing[joint])
-            elif isinstance(part.term, SaturatingViscous):
+            if part.term.kind is coulomb:
+                width[joint] = np.hypot(part.term.parameters['width'], smoothing[joint])
+            elif part.term.kind is saturating:
                 narrowest[joint] = WIDENINGS[0]
     moving = np.broadcast_to(SATURATED * narrowest * width, q.shape)
     steady = np.zeros_like(q)
     torques = [friction.torque(q, dq, steady, load) for dq in (moving, -moving)]
-    coulomb = 0.5 * np.mean(np.maximum(torques[0] - torques[1], 0.0), axis=0)
-    coulomb = np.maximum(coulomb - remembered, 0.0)
+    dry = 0.5 * np.mean(np.maximum(torques[0] - torques[1], 0.0), axis=0)
+    dry = np.maximum(dry - remembered, 0.0)
     known = np.square(noise.std * noise.ratio)
-    stuck = np.sqrt(np.maximum(coulomb**2 / 3.0 - known, 0.0))
+    stuck = np.sqrt(np.maximum(dry**2 / 3.0 - known, 0.0))
     seen = np.where(noise.ratio > 0.0, noise.velocity, np.inf)
     return replace(noise, stuck=stuck, width=np.minimum(width, seen))
 

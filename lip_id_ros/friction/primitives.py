@@ -1,4 +1,4 @@
-"""What friction terms are made of, for compiled evaluation."""
+"""What friction terms are made of."""
 
 from __future__ import annotations
 
@@ -22,4 +22,4 @@ ONE, VELOCITY, SIGN, SQUARE, LOAD, REVERSAL, STEP, ACCELERATION = range(8)
 ANYWHERE, POSITION, COSINE, SINE, STEP_AT, LEVER = range(6)
 
 Column = tuple[tuple[float, Primitive], ...]
-"""A feature as a sum of primitives with factors, for compiled evaluation."""
+"""A feature as a sum of primitives with factors."""

@@ -1,23 +1,24 @@
 """
 Terms of joint friction, linear in their coefficients (maths.md, section 12).
 
-All but offsets, lag and pre-sliding are dissipative: with features f(v) v >= 0 and coefficients
-that are not negative they never drive a joint. `width` is that of `smooth_sign` [rad/s or m/s].
+All but offsets, lag, pre-sliding and shares of other joints are dissipative: with features
+f(v) v >= 0 and coefficients that are not negative they never drive a joint. Of a drive q, v and a
+are position, velocity and acceleration on the joint's side of the gear, L is the load that it
+transmits to the links [N m or N], and S_w is the smooth sign of width w [rad/s or m/s] of
+`drive_friction`. Coefficients have the unit of the torque in that of the feature.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 import math
-from typing import ClassVar, NamedTuple, Protocol
 
-import numpy as np
-
-from lip_id_ros.arrays import Array
 from lip_id_ros.friction.primitives import (
     ACCELERATION,
     Column,
     COSINE,
+    LOAD,
     ONE,
     Primitive,
     REVERSAL,
@@ -26,321 +27,214 @@ from lip_id_ros.friction.primitives import (
     SQUARE,
     VELOCITY,
 )
+from lip_id_ros.joint_types import DISPLACEMENTS
 
-FREE, NOT_NEGATIVE = -np.inf, 0.0
+FREE, NOT_NEGATIVE = -math.inf, 0.0
 """Lower bounds of coefficients."""
 
-PHASES = 0.5 * np.pi * np.arange(4)
+PHASES = tuple(0.5 * math.pi * k for k in range(4))
 """Angles at which the friction that depends on position may be largest [rad]."""
 
 WIDENINGS = (3.0, 10.0, 30.0)
 """Widths of the smooth signs of Stribeck and saturating friction, in widths of the joint's own."""
 
-
-class DriveState(NamedTuple):
-    """State of one drive at N samples, on the joint's side of the gear."""
-
-    q: Array
-    dq: Array
-    ddq: Array
-    load: Array  # (N,), transmitted to the links [N m or N]
-    smoothing: Array | float = 0.0  # change of dq while a low-pass responds
-    discrepancy: Array | float = 0.0  # of the low-passed sign to tanh(dq / smoothing)
-    dahl: Array | None = None  # (N, D), see `JointHistory`; None if unknown
+WIDTH_STEP = 1e-2
+"""Of the logarithm of a width, for its slope."""
 
 
-def smooth_sign(state: DriveState, width: float) -> Array:
+@dataclass(frozen=True)
+class Term:
     """
-    Return the sign of the velocity as a low-pass leaves it, shape (N,).
+    A torque that is linear in k coefficients, with a lower bound that they share.
 
-    tanh(dq / w), where w^2 = width^2 + smoothing^2: a joint that reverses with acceleration ddq
-    has the velocity ddq t, and tanh(t / rise_time) is nearly the low-pass of a step. What is known
-    of the difference counts as far as the low-pass makes the width.
+    `kind` is the function that makes the term of `parameters`, and `name` what the literature
+    calls it. `prior_share` is the prior deviation of coefficients, as a share of the usual one.
     """
-    return _steady_sign(state, width) + state.discrepancy * (
-        np.square(state.smoothing) / (width**2 + np.square(state.smoothing))
-    )
 
-
-def _steady_sign(state: DriveState, width: float) -> Array:
-    return np.asarray(np.tanh(state.dq / np.hypot(width, state.smoothing)))
-
-
-class FrictionTerm(Protocol):
-    """A torque that is linear in k coefficients, each `FREE` or `NOT_NEGATIVE`."""
-
-    @property
-    def name(self) -> str:
-        """Return what the literature calls the term."""
+    kind: Callable[..., Term]
+    name: str
+    columns: tuple[Column, ...]  # the k features
+    bound: float = NOT_NEGATIVE
+    parameters: Mapping[str, float] = field(default_factory=dict, hash=False)
+    prior_share: float = 1.0
 
     @property
     def lower(self) -> tuple[float, ...]:
-        """Return the lower bounds of the coefficients."""
+        """The lower bounds of the coefficients."""
+        return (self.bound,) * len(self.columns)
 
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, k)."""
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-
-
-@dataclass(frozen=True)
-class Viscous:
-    """Friction in proportion to velocity (Reynolds 1886)."""
-
-    name: ClassVar[str] = 'viscous'
-    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 1)."""
-        return state.dq[:, None]
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return (((1.0, Primitive(VELOCITY)),),)
+    def changed(self, **parameters: float) -> Term:
+        """Return the term with some other parameters."""
+        return self.kind(**{**self.parameters, **parameters})
 
 
-@dataclass(frozen=True)
-class Lag:
+def single(primitive: Primitive, factor: float = 1.0) -> Column:
+    """Return a feature of one primitive."""
+    return ((factor, primitive),)
+
+
+def viscous() -> Term:
+    """Return friction in proportion to velocity, v (Reynolds 1886)."""
+    return Term(viscous, 'viscous', (single(Primitive(VELOCITY)),))
+
+
+def lag() -> Term:
     """
-    Viscous friction that answers late, to first order.
+    Return what makes viscous friction answer late, to first order: -a.
 
     F v(t - T) is F v - F T a, which no inertia stands for, as it has the other sign.
     """
-
-    name: ClassVar[str] = 'lag'
-    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 1)."""
-        return -state.ddq[:, None]
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return (((-1.0, Primitive(ACCELERATION)),),)
+    return Term(lag, 'lag', (single(Primitive(ACCELERATION), -1.0),))
 
 
-@dataclass(frozen=True)
-class Coulomb:
-    """Dry friction (Coulomb 1785) with a smooth sign."""
-
-    width: float
-    name: ClassVar[str] = 'Coulomb'
-    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 1)."""
-        return smooth_sign(state, self.width)[:, None]
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return (((1.0, Primitive(SIGN, self.width)),),)
+def coulomb(width: float) -> Term:
+    """Return dry friction with a smooth sign, S_w (Coulomb 1785)."""
+    return Term(coulomb, 'Coulomb', (single(Primitive(SIGN, width)),), parameters={'width': width})
 
 
-@dataclass(frozen=True)
-class Offset:
-    """A constant torque: offset of a current or torque sensor, preload of a spring."""
-
-    name: ClassVar[str] = 'offset'
-    lower: ClassVar[tuple[float, ...]] = (FREE,)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 1)."""
-        return np.ones((len(state.dq), 1))
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return (((1.0, Primitive(ONE)),),)
-
-
-@dataclass(frozen=True)
-class Stribeck:
+def sign_width(width: float) -> Term:
     """
-    Additional friction near rest, which decays with speed (Stribeck 1902).
+    Return the slope of Coulomb friction by ln w, as a central difference.
 
-    As differences of two smooth signs (Makkar, Dixon, Sawyer and Hu, AIM 2005, eq. 3), of
-    `WIDENINGS`. A peak narrower than the sign's usual smoothing in the samples [rad/s or m/s]
-    would be out of their sight, and could be of any height.
+    A direction of the posterior: the width was selected, and its deviation is that of the
+    coefficient, which is zero, in units of the coefficient of Coulomb friction.
     """
-
-    width: float
-    smoothing: float = 0.0
-    name: ClassVar[str] = 'Stribeck'
-    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,) * len(WIDENINGS)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 3)."""
-        narrow = smooth_sign(state, self._narrow)
-        wide = [smooth_sign(state, times * self._narrow) for times in WIDENINGS]
-        return np.column_stack([narrow - each for each in wide])
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        narrow = (1.0, Primitive(SIGN, self._narrow))
-        wide = (Primitive(SIGN, times * self._narrow) for times in WIDENINGS)
-        return tuple((narrow, (-1.0, each)) for each in wide)
-
-    @property
-    def _narrow(self) -> float:
-        """The width of the narrow sign [rad/s or m/s]."""
-        return math.hypot(self.width, self.smoothing)
+    steps = WIDTH_STEP, -WIDTH_STEP
+    column = tuple((0.5 / h, Primitive(SIGN, width * math.exp(h))) for h in steps)
+    return Term(sign_width, 'sign width', (column,), FREE, {'width': width})
 
 
-@dataclass(frozen=True)
-class SaturatingViscous:
+def offset() -> Term:
+    """Return a constant torque, 1: offset of a current or torque sensor, preload of a spring."""
+    return Term(offset, 'offset', (single(Primitive(ONE)),), FREE)
+
+
+def stribeck(width: float, smoothing: float = 0.0) -> Term:
     """
-    Viscous friction that grows less and less with speed, as of greased gears.
+    Return additional friction near rest, which decays with speed (Stribeck 1902).
 
-    Wide smooth signs (sigmoids in Gaz, Cognetti, Oliva, Robuffo Giordano and De Luca, RA-L 2019,
-    section IV; Makkar and others, AIM 2005), of `WIDENINGS`.
+    S_u - S_ku for the k of `WIDENINGS` (Makkar, Dixon, Sawyer and Hu, AIM 2005, eq. 3), where
+    u^2 = w^2 + smoothing^2: a peak narrower than the sign's usual smoothing in the samples [rad/s
+    or m/s] would be out of their sight, and could be of any height.
     """
-
-    width: float
-    name: ClassVar[str] = 'saturating viscous'
-    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,) * len(WIDENINGS)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 3)."""
-        return np.column_stack([smooth_sign(state, k * self.width) for k in WIDENINGS])
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return tuple(((1.0, Primitive(SIGN, k * self.width)),) for k in WIDENINGS)
+    narrow = math.hypot(width, smoothing)
+    columns = tuple(
+        ((1.0, Primitive(SIGN, narrow)), (-1.0, Primitive(SIGN, k * narrow))) for k in WIDENINGS
+    )
+    parameters = {'width': width, 'smoothing': smoothing}
+    return Term(stribeck, 'Stribeck', columns, parameters=parameters)
 
 
-@dataclass(frozen=True)
-class QuadraticViscous:
-    """Drag that grows with the square of velocity, as of fluid that is churned."""
-
-    name: ClassVar[str] = 'quadratic viscous'
-    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 1)."""
-        return (state.dq * np.abs(state.dq))[:, None]
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return (((1.0, Primitive(SQUARE)),),)
-
-
-@dataclass(frozen=True)
-class LoadCoulomb:
+def saturating(width: float) -> Term:
     """
-    Dry friction of a gear that grows with the torque it transmits.
+    Return viscous friction that grows less and less with speed, as of greased gears.
+
+    Wide smooth signs S_kw for the k of `WIDENINGS` (sigmoids in Gaz, Cognetti, Oliva, Robuffo
+    Giordano and De Luca, RA-L 2019, section IV; Makkar and others, AIM 2005).
+    """
+    columns = tuple(single(Primitive(SIGN, k * width)) for k in WIDENINGS)
+    return Term(saturating, 'saturating viscous', columns, parameters={'width': width})
+
+
+def quadratic() -> Term:
+    """Return drag that grows with the square of velocity, v |v|, as of fluid that is churned."""
+    return Term(quadratic, 'quadratic viscous', (single(Primitive(SQUARE)),))
+
+
+def load_coulomb(width: float) -> Term:
+    """
+    Return dry friction of a gear that grows with the torque it transmits, |L| S_w.
 
     Hamon, Gautier and Garrec, IROS 2010; Bittencourt and Gunnarsson, J. Dyn. Sys. 2012.
     """
-
-    width: float
-    name: ClassVar[str] = 'load-dependent Coulomb'
-    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 1)."""
-        return (np.abs(state.load) * smooth_sign(state, self.width))[:, None]
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return (((1.0, Primitive(SIGN, self.width, loaded=True)),),)
+    columns = (single(Primitive(SIGN, width, loaded=True)),)
+    return Term(load_coulomb, 'load-dependent Coulomb', columns, parameters={'width': width})
 
 
-@dataclass(frozen=True)
-class LoadViscous:
-    """Viscous friction of a gear that grows with the torque it transmits (as `LoadCoulomb`)."""
-
-    name: ClassVar[str] = 'load-dependent viscous'
-    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 1)."""
-        return (np.abs(state.load) * state.dq)[:, None]
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return (((1.0, Primitive(VELOCITY, loaded=True)),),)
+def load_viscous() -> Term:
+    """Return viscous friction of a gear that grows with its load, |L| v (as `load_coulomb`)."""
+    columns = (single(Primitive(VELOCITY, loaded=True)),)
+    return Term(load_viscous, 'load-dependent viscous', columns)
 
 
-@dataclass(frozen=True)
-class Presliding:
+def presliding(width: float, acceleration: float) -> Term:
     """
-    Hysteresis of dry friction at a reversal.
+    Return the hysteresis of dry friction at a reversal, -tanh(a / acceleration) (1 - S_w^2).
 
     Asperities or gear teeth deform elastically before they slide (Dahl 1968; Armstrong-Helouvry,
     Dupont and Canudas de Wit, Automatica 1994, section 2.2), so that friction lags behind the sign
     of the velocity. A joint that accelerates forwards near rest has come from moving backwards,
-    and the other way round: there it has -tanh(ddq / acceleration) / cosh(dq / width)^2 more
-    friction. The work over a reversal of constant acceleration is zero, since what has been
-    deformed springs back.
+    and the other way round. The work over a reversal of constant acceleration [rad/s^2 or m/s^2]
+    is zero, since what has been deformed springs back.
     """
-
-    width: float
-    acceleration: float
-    name: ClassVar[str] = 'pre-sliding'
-    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,)
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 1)."""
-        near = 1.0 - _steady_sign(state, self.width) ** 2
-        return (-near * np.tanh(state.ddq / self.acceleration))[:, None]
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        reversal = Primitive(REVERSAL, self.width, acceleration=self.acceleration)
-        return (((-1.0, reversal),),)
+    columns = (single(Primitive(REVERSAL, width, acceleration=acceleration), -1.0),)
+    parameters = {'width': width, 'acceleration': acceleration}
+    return Term(presliding, 'pre-sliding', columns, parameters=parameters)
 
 
-@dataclass(frozen=True)
-class Asymmetric:
+def dahl(width: float, displacement: float) -> Term:
     """
-    Viscous and Coulomb friction of one direction only.
+    Return dry friction whose state z turns with the displacement, not with the velocity: z - S_w.
+
+    Dahl 1968; Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 1994. An arm that stands
+    is held by what is left of its last motion. The difference to Coulomb friction's sign is
+    nothing of single states, which show nothing of the past: `FrictionBasis` adds it where states
+    (see `dahl_states`) are known. ValueError where none are kept for a displacement [rad or m].
+    """
+    if displacement not in DISPLACEMENTS:
+        raise ValueError(f'a displacement of Dahl friction that is none of {DISPLACEMENTS}')
+    parameters = {'width': width, 'displacement': displacement}
+    return Term(dahl, 'Dahl hysteresis', ((),), parameters=parameters)
+
+
+def asymmetric(width: float) -> Term:
+    """
+    Return viscous and Coulomb friction of one direction only: v and S_w forwards, then backwards.
 
     Armstrong-Helouvry, Control of Machines with Friction, 1991, section 4.
     """
-
-    width: float
-    name: ClassVar[str] = 'asymmetric'
-    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,) * 4
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 4): forwards, then backwards."""
-        both = np.column_stack([state.dq, smooth_sign(state, self.width)])
-        return np.hstack([np.maximum(both, 0.0), np.minimum(both, 0.0)])
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        return tuple(
-            ((1.0, Primitive(shape, self.width, side)),)
-            for side in (1, -1)
-            for shape in (VELOCITY, SIGN)
-        )
+    columns = tuple(
+        single(Primitive(shape, width, side)) for side in (1, -1) for shape in (VELOCITY, SIGN)
+    )
+    return Term(asymmetric, 'asymmetric', columns, parameters={'width': width})
 
 
-@dataclass(frozen=True)
-class PositionCoulomb:
+def position_coulomb(width: float) -> Term:
     """
-    Dry friction that varies once a turn, as of an eccentric gear or bearing.
+    Return dry friction that varies once a turn, as of an eccentric gear or bearing.
 
-    Armstrong-Helouvry, Control of Machines with Friction, 1991, section 5.
+    S_w (1 + cos(q - p)) for the p of `PHASES` (Armstrong-Helouvry, Control of Machines with
+    Friction, 1991, section 5).
     """
-
-    width: float
-    name: ClassVar[str] = 'position-dependent Coulomb'
-    lower: ClassVar[tuple[float, ...]] = (NOT_NEGATIVE,) * PHASES.size
-
-    def features(self, state: DriveState) -> Array:
-        """Return the features, shape (N, 4)."""
-        share = 1.0 + np.cos(state.q[:, None] - PHASES)
-        return smooth_sign(state, self.width)[:, None] * share
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the same features as sums of primitives."""
-        sign = Primitive(SIGN, self.width)
-        return tuple(
-            (
-                (1.0, sign),
-                (float(np.cos(phase)), sign._replace(position=COSINE)),
-                (float(np.sin(phase)), sign._replace(position=SINE)),
-            )
-            for phase in PHASES
+    sign = Primitive(SIGN, width)
+    columns = tuple(
+        (
+            (1.0, sign),
+            (math.cos(phase), sign._replace(position=COSINE)),
+            (math.sin(phase), sign._replace(position=SINE)),
         )
+        for phase in PHASES
+    )
+    return Term(
+        position_coulomb, 'position-dependent Coulomb', columns, parameters={'width': width}
+    )
+
+
+def load_torque() -> Term:
+    """
+    Return a share of the torque of another joint's links, L.
+
+    Efforts are those of motors that turn more than one joint each, as in a coupled wrist: the
+    coupling matrix times the torques of the joints. The drive is `Drive.transmitted`.
+    """
+    return Term(load_torque, 'torque', (single(Primitive(LOAD)),), FREE)
+
+
+def shared_friction(width: float) -> Term:
+    """
+    Return shares of another joint's viscous and Coulomb friction, v and S_w (see `load_torque`).
+
+    Of any sign: such a share may drive the joint, as part of the coupling, not friction of it.
+    """
+    columns = single(Primitive(VELOCITY)), single(Primitive(SIGN, width))
+    return Term(shared_friction, 'friction', columns, FREE, {'width': width})

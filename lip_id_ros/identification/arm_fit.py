@@ -10,8 +10,8 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.description.robot import RobotDescription
-from lip_id_ros.friction.compiled import friction_features
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.friction.basis import FrictionBasis
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_coordinates import coefficient_std
 from lip_id_ros.identification.arm_prior import (
@@ -292,4 +292,4 @@ class ArmFitter:
 
 def _features(dataset: Dataset, basis: FrictionBasis, arm: tuple[Chain, Array] | None) -> Array:
     load = np.zeros_like(dataset.tau) if arm is None else links_torque(*arm, dataset)
-    return friction_features(basis, dataset.q, dataset.dq, dataset.ddq, load, dataset.history)
+    return basis.features(dataset.q, dataset.dq, dataset.ddq, load, dataset.history)

@@ -12,9 +12,9 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.conservative_terms import Spring
+from lip_id_ros.friction.basis import plain_friction
+from lip_id_ros.friction.conservative_terms import spring
 from lip_id_ros.friction.drives import Drive, DriveTerm
-from lip_id_ros.friction.model import plain_friction
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.arm_fit import ArmFitter, SEARCH_SAMPLES, START_SAMPLES
 from lip_id_ros.identification.friction_candidates import memory_terms, named_candidates, rise_time
@@ -81,7 +81,7 @@ class ArmSearch:
     def with_springs(self) -> ArmSearch:
         """Return a search with a spring at every joint."""
         drives = map(Drive.of_joint, range(self.fitter.dataset.n_joints))
-        springs = tuple(DriveTerm(drive, Spring()) for drive in drives)
+        springs = tuple(DriveTerm(drive, spring()) for drive in drives)
         return ArmSearch(self.fitter, springs, self.rise_time)
 
     def with_memory(self) -> ArmSearch:

@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import cutoffs_hz, Dataset
-from lip_id_ros.friction.conservative_terms import LeverSpring, Ripple, Spring
-from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
-from lip_id_ros.friction.dahl import Dahl
-from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction
-from lip_id_ros.friction.model import plain_friction
+from lip_id_ros.friction.basis import plain_friction
+from lip_id_ros.friction.conservative_terms import position_curve, ripple, spring, velocity_curve
+from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.terms import (
-    Asymmetric,
-    Coulomb,
-    FrictionTerm,
-    LoadCoulomb,
-    LoadViscous,
-    PositionCoulomb,
-    Presliding,
-    QuadraticViscous,
-    SaturatingViscous,
-    Stribeck,
-    Viscous,
+    asymmetric,
+    coulomb,
+    dahl,
+    load_coulomb,
+    load_torque,
+    load_viscous,
+    position_coulomb,
+    presliding,
+    quadratic,
+    saturating,
+    shared_friction,
+    stribeck,
+    Term,
+    viscous,
 )
 from lip_id_ros.identification.left_out import LEAST_ERRORS, LEAST_GAIN
 from lip_id_ros.joint_types import DISPLACEMENTS, REVOLUTE
@@ -89,7 +90,7 @@ class Candidate:
     @property
     def comes_last(self) -> bool:
         """Whether it may stand in for all the others: a curve over the velocity."""
-        return isinstance(self.terms[0].term, VelocityCurve)
+        return self.terms[0].term.kind is velocity_curve
 
 
 def plain_candidates(widths: Array) -> list[Candidate]:
@@ -99,14 +100,14 @@ def plain_candidates(widths: Array) -> list[Candidate]:
 
 def saturating_candidates(widths: Array) -> list[Candidate]:
     """Return viscous friction that saturates for every joint."""
-    terms = (SaturatingViscous(float(width)) for width in widths)
+    terms = (saturating(float(width)) for width in widths)
     return [Candidate((DriveTerm(Drive.of_joint(j), term),)) for j, term in enumerate(terms)]
 
 
 def presliding_candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
     """Return pre-sliding friction for every joint."""
     sizes = zip(widths, _usual_acceleration(dataset), strict=True)
-    terms = (Presliding(float(width), float(size)) for width, size in sizes)
+    terms = (presliding(float(width), float(size)) for width, size in sizes)
     return [Candidate((DriveTerm(Drive.of_joint(j), term),)) for j, term in enumerate(terms)]
 
 
@@ -117,7 +118,7 @@ def _usual_acceleration(dataset: Dataset) -> Array:
 
 def ripple_candidates(harmonics: Mapping[int, int]) -> list[Candidate]:
     """Return the torque that ripples so many times in a turn, for some of the joints."""
-    drives = ((Drive.of_joint(joint), Ripple(often)) for joint, often in harmonics.items())
+    drives = ((Drive.of_joint(joint), ripple(often)) for joint, often in harmonics.items())
     return [Candidate((DriveTerm(*each),), RARE_GAIN) for each in drives]
 
 
@@ -139,7 +140,7 @@ def candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
 def memory_terms(joint: int, width: float) -> tuple[DriveTerm, ...]:
     """Return friction of a joint that remembers, of all displacements of which states are kept."""
     own = Drive.of_joint(joint)
-    return tuple(DriveTerm(own, Dahl(width, each)) for each in DISPLACEMENTS)
+    return tuple(DriveTerm(own, dahl(width, each)) for each in DISPLACEMENTS)
 
 
 def named_candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
@@ -150,26 +151,26 @@ def named_candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
     """
     offers: list[Candidate] = []
     turned = np.ptp(dataset.q, axis=0)
-    presliding = presliding_candidates(widths, dataset)
+    at_reversals = presliding_candidates(widths, dataset)
     smoothing = rise_time(dataset) * _usual_acceleration(dataset)
     for j, width in enumerate(float(each) for each in widths):
-        common: list[FrictionTerm] = [
-            Stribeck(width, float(smoothing[j])),
-            SaturatingViscous(width),
-            QuadraticViscous(),
-            LoadCoulomb(width),
-            LoadViscous(),
+        common: list[Term] = [
+            stribeck(width, float(smoothing[j])),
+            saturating(width),
+            quadratic(),
+            load_coulomb(width),
+            load_viscous(),
         ]
-        rare: list[FrictionTerm] = [Asymmetric(width), Spring()]
+        rare: list[Term] = [asymmetric(width), spring()]
         if dataset.joint_types[j] == REVOLUTE:
-            rare += [Ripple(k) for k in (1, 2) if turned[j] > 2.0 * np.pi / k]
-            rare += [PositionCoulomb(width)] if turned[j] > np.pi else []
+            rare += [ripple(k) for k in (1, 2) if turned[j] > 2.0 * np.pi / k]
+            rare += [position_coulomb(width)] if turned[j] > np.pi else []
         own = Drive.of_joint(j)
         offers += [Candidate((DriveTerm(own, term),)) for term in common]
         # either may stand in for the other, so that both are on offer together
-        loaded = LoadCoulomb(width), LoadViscous()
+        loaded = load_coulomb(width), load_viscous()
         offers.append(Candidate(tuple(DriveTerm(own, term) for term in loaded)))
-        offers.append(presliding[j])
+        offers.append(at_reversals[j])
         offers += [Candidate((DriveTerm(own, term),), RARE_GAIN) for term in rare]
     return offers + _coupled(widths) + _transmitted(widths)
 
@@ -177,8 +178,8 @@ def named_candidates(widths: Array, dataset: Dataset) -> list[Candidate]:
 def _curves(dataset: Dataset, joint: int) -> list[Candidate]:
     """Return curves over the position and the velocity of a joint, over the range of most."""
     kinds = (
-        (PositionCurve, dataset.q, (SMALL_GAIN, SMALL_ERRORS)),
-        (VelocityCurve, dataset.dq, (VELOCITY_GAIN, VELOCITY_ERRORS)),
+        (position_curve, dataset.q, (SMALL_GAIN, SMALL_ERRORS)),
+        (velocity_curve, dataset.dq, (VELOCITY_GAIN, VELOCITY_ERRORS)),
     )
     offers = []
     for kind, values, least in kinds:
@@ -195,7 +196,7 @@ def _coupled(widths: Array) -> list[Candidate]:
     for j in range(1, len(widths)):
         for ratio in (1.0, -1.0):
             drive = Drive((j, j - 1), (1.0, ratio))
-            terms = (Viscous(), Coulomb(float(np.hypot(widths[j], widths[j - 1]))))
+            terms = (viscous(), coulomb(float(np.hypot(widths[j], widths[j - 1]))))
             offers.append(Candidate(tuple(DriveTerm(drive, term) for term in terms), RARE_GAIN))
     return offers
 
@@ -208,12 +209,12 @@ def _transmitted(widths: Array) -> list[Candidate]:
             if not 0 <= to < len(widths):
                 continue
             drive = Drive.transmitted(joint, to)
-            terms = DriveTerm(drive, LoadTorque()), DriveTerm(drive, SharedFriction(width))
+            terms = DriveTerm(drive, load_torque()), DriveTerm(drive, shared_friction(width))
             offers += [Candidate(terms[:1], COUPLING_GAIN), Candidate(terms, COUPLING_GAIN)]
     return offers
 
 
-def lever_candidate(joint: int, lever: LeverSpring, stand_ins: Sequence[Candidate]) -> Candidate:
+def lever_candidate(joint: int, lever: Term, stand_ins: Sequence[Candidate]) -> Candidate:
     """Return a spring between two points, which takes the place of other terms of its joint."""
     few = sum(part.size for each in stand_ins for part in each.terms) <= len(lever.lower)
     least = SMALL_GAIN if few else LEAST_GAIN
@@ -223,20 +224,20 @@ def lever_candidate(joint: int, lever: LeverSpring, stand_ins: Sequence[Candidat
 def stands_for_lever(candidate: Candidate, joint: int) -> bool:
     """Return whether terms may stand in for a spring between two points of a joint's links."""
     part = candidate.terms[0]
-    slow = isinstance(part.term, Ripple) and part.term.harmonic <= SLOW
+    slow = part.term.kind is ripple and part.term.parameters['harmonic'] <= SLOW
     own = part.drive == Drive.of_joint(joint)
-    return own and (slow or isinstance(part.term, Spring | PositionCurve))
+    return own and (slow or part.term.kind in (spring, position_curve))
 
 
 def has_width(candidate: Candidate) -> bool:
     """Return whether a term of a single joint's drive has a smooth sign."""
     first = candidate.terms[0]
-    return len(first.drive.joints) == 1 and hasattr(first.term, 'width')
+    return len(first.drive.joints) == 1 and 'width' in first.term.parameters
 
 
 def with_width(candidates: Sequence[Candidate], joint: int, width: float) -> Candidate:
     """Return all such terms of a joint together, with another width."""
     drive = Drive.of_joint(joint)
     terms = [each.terms[0].term for each in candidates if each.terms[0].drive == drive]
-    wide = [replace(term, width=width) for term in terms]  # type: ignore[type-var]
+    wide = [term.changed(width=width) for term in terms]
     return Candidate(tuple(DriveTerm(drive, term) for term in wide))

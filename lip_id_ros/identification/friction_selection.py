@@ -16,14 +16,15 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.conservative_terms import LeverSpring
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.friction.basis import FrictionBasis
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import (
     estimate_noise,
     leverage_weights,
     outlier_weights,
     TorqueNoise,
 )
+from lip_id_ros.friction.terms import Term
 from lip_id_ros.identification.folds import recurrent_folds
 from lip_id_ros.identification.friction_candidates import (
     Candidate,
@@ -201,7 +202,7 @@ class _Selection:
                 chosen = [*others, spring]
         return chosen
 
-    def _best_lever(self, terms: Sequence[Candidate], load: Array, joint: int) -> LeverSpring:
+    def _best_lever(self, terms: Sequence[Candidate], load: Array, joint: int) -> Term:
         """Return the spring between two points that explains most beside links and some terms."""
         dataset, rows = self._dataset, evenly(self._dataset.n_samples, LEVER_SAMPLES)
         blocks, groups = self._blocks(terms, load)
@@ -230,7 +231,9 @@ class _Selection:
         dataset, basis = self._dataset, self._basis(terms)
         number = self._fold
         residuals = np.empty_like(dataset.tau)
-        features = basis.features(dataset.q, dataset.dq, dataset.ddq, load, dataset.history)
+        features = basis.features_of_joints(
+            dataset.q, dataset.dq, dataset.ddq, load, dataset.history
+        )
         columns = basis.columns()
         for joint, (rows, column) in enumerate(zip(features, columns, strict=True)):
             thetas = np.array(fit.left_out)[number]
@@ -245,7 +248,7 @@ class _Selection:
     def harmonics(self, terms: Sequence[Candidate]) -> dict[int, int]:
         """Return the strongest harmonic of every joint beside links and some terms."""
         dataset, basis = self._dataset, self._basis(terms)
-        features = basis.features(
+        features = basis.features_of_joints(
             dataset.q, dataset.dq, dataset.ddq, self.no_load, dataset.history
         )
         found = {}
@@ -306,7 +309,9 @@ class _Selection:
     def _rows(self, basis: FrictionBasis, load: Array) -> tuple[list[Array], list[IndexArray]]:
         """Return the features of links and friction of every joint, and their parameters."""
         dataset = self._dataset
-        features = basis.features(dataset.q, dataset.dq, dataset.ddq, load, dataset.history)
+        features = basis.features_of_joints(
+            dataset.q, dataset.dq, dataset.ddq, load, dataset.history
+        )
         parts = list(zip(self._used, features, basis.columns(), strict=True))
         rows = [
             np.hstack([self._links[:, joint, used], own])

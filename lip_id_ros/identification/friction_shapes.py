@@ -216,7 +216,7 @@ def _among(offer: Candidate, chosen: Sequence[Candidate]) -> bool:
     """Return whether a drive has a term of this kind, of any width."""
     (new,) = offer.terms
     terms = [term for each in chosen for term in each.terms]
-    return any(new.drive == old.drive and type(new.term) is type(old.term) for old in terms)
+    return any(new.drive == old.drive and new.term.kind is old.term.kind for old in terms)
 
 
 def _least_between(tried: Array, scores: Array) -> Array:

@@ -15,7 +15,7 @@ from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionModel
-from lip_id_ros.friction.terms import Lag
+from lip_id_ros.friction.terms import lag
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_SAMPLES
 from lip_id_ros.identification.folds import largest_alike, recurrent_folds, STILL
 from lip_id_ros.identification.left_out import Gain
@@ -66,7 +66,7 @@ def _lagging(
 ) -> ArmFit:
     """Return a start with late friction of some joints, with their first coefficients."""
     basis = fit.friction.basis
-    terms = tuple(DriveTerm(Drive.of_joint(joint), Lag()) for joint in joints.tolist())
+    terms = tuple(DriveTerm(Drive.of_joint(joint), lag()) for joint in joints.tolist())
     coefficients = np.append(fit.friction.coefficients, first)
     friction = FrictionModel(replace(basis, terms=(*basis.terms, *terms)), coefficients)
     state = replace(fit.state, friction=np.pad(fit.state.friction, (0, first.size)))

@@ -16,7 +16,8 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
 from lip_id_ros.arrays import Array, IndexArray
-from lip_id_ros.friction.conservative_terms import ECCENTRICITIES, LeverSpring
+from lip_id_ros.friction.conservative_terms import ECCENTRICITIES, lever_spring
+from lip_id_ros.friction.terms import Term
 from lip_id_ros.linear_algebra import normal_factor
 
 TRIED = (12, 36)
@@ -53,7 +54,7 @@ class Explained:
     prior_std: Array  # (P,)
 
 
-def best_lever(explained: Explained, joint: int, q: Array) -> LeverSpring:
+def best_lever(explained: Explained, joint: int, q: Array) -> Term:
     """
     Return the spring that explains most of the torque of a joint at positions (N,) [rad].
 
@@ -105,9 +106,9 @@ class LeverSearch:
         _, ((a, b), (_, c)), (x, y) = self._system(eccentricity, dead_centre)
         return float(0.5 * (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b))
 
-    def left(self, lever: LeverSpring) -> float:
+    def left(self, lever: Term) -> float:
         """Return the noise that a spring leaves, as a standard deviation [N m]."""
-        rows, normal, right = self._system(lever.eccentricity, lever.dead_centre)
+        rows, normal, right = self._system(**lever.parameters)
         torque = np.linalg.solve(normal, right) @ rows
         residual = self._residual - torque + self._shared.T @ (self._shared @ torque)
         count = np.sum((self._noise_std * self._precision) ** 2)
@@ -123,7 +124,7 @@ class LeverSearch:
         return rows, normal, rows @ self._residual
 
     def _features(self, eccentricity: float, dead_centre: float) -> Array:
-        """Return `lever_features`, shape (2, N), without trigonometric functions."""
+        """Return features of `lever_spring`, shape (2, N), without trigonometric functions."""
         sine, cosine = math.sin(dead_centre), math.cos(dead_centre)
         out = np.empty((2, self._sine.size))
         np.subtract(cosine * self._sine, sine * self._cosine, out=out[1])
@@ -131,12 +132,12 @@ class LeverSearch:
         np.divide(out[1], np.sqrt(length), out=out[0])
         return out
 
-    def best(self) -> LeverSpring:
+    def best(self) -> Term:
         """Return the spring that explains most."""
         found = [self._descended(*start) for start in self._starts()]
         _, eccentricity, centre = max(found)
         turned = float((centre + np.pi) % (2.0 * np.pi) - np.pi)
-        return LeverSpring(float(eccentricity), turned)
+        return lever_spring(float(eccentricity), turned)
 
     def _starts(self) -> Iterator[tuple[float, float]]:
         """Yield the best places of the grid that are apart."""

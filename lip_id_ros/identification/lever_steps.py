@@ -8,9 +8,10 @@ import numpy as np
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.conservative_terms import ECCENTRICITIES, LeverShape, LeverSpring
+from lip_id_ros.friction.basis import FrictionBasis
+from lip_id_ros.friction.conservative_terms import ECCENTRICITIES, lever_shape, lever_spring
 from lip_id_ros.friction.drives import DriveTerm
-from lip_id_ros.friction.model import FrictionBasis
+from lip_id_ros.friction.terms import Term
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, MOST_SAMPLES, ROUND
 
 ROUNDS, SHARES = 8, (1.0, 0.3, 0.1)
@@ -40,22 +41,17 @@ def with_lever_steps(fitter: ArmFitter, fit: ArmFit) -> ArmFit:
     return fit
 
 
-def _levers(basis: FrictionBasis) -> list[tuple[int, DriveTerm, LeverSpring]]:
+def _levers(basis: FrictionBasis) -> list[tuple[int, DriveTerm]]:
     """Return the springs between two points: number of the first coefficient, and term."""
     parts = zip(basis.terms, basis.slices, strict=True)
-    return [
-        (place.start, part, part.term)
-        for part, place in parts
-        if isinstance(part.term, LeverSpring)
-    ]
+    return [(place.start, part) for part, place in parts if part.term.kind is lever_spring]
 
 
 def _step(fitter: ArmFitter, some: Dataset, fit: ArmFit) -> Array:
     """Return the step of eccentricity and dead centre of every spring, shape (L, 2)."""
     basis, levers = fit.friction.basis, _levers(fit.friction.basis)
     shapes = tuple(
-        DriveTerm(part.drive, LeverShape(term.eccentricity, term.dead_centre))
-        for _, part, term in levers
+        DriveTerm(part.drive, lever_shape(**part.term.parameters)) for _, part in levers
     )
     freed = replace(basis, terms=(*basis.terms, *shapes))
     size = freed.size - basis.size
@@ -78,7 +74,7 @@ def _moved(fit: ArmFit, step: Array) -> ArmFit:
     steps = iter(step.tolist())
     terms = (
         replace(part, term=_reshaped(part.term, *next(steps)))
-        if isinstance(part.term, LeverSpring)
+        if part.term.kind is lever_spring
         else part
         for part in fit.friction.basis.terms
     )
@@ -86,6 +82,7 @@ def _moved(fit: ArmFit, step: Array) -> ArmFit:
     return replace(fit, friction=replace(fit.friction, basis=basis))
 
 
-def _reshaped(term: LeverSpring, by_eccentricity: float, by_centre: float) -> LeverSpring:
-    eccentricity = float(np.clip(term.eccentricity + by_eccentricity, *ECCENTRICITIES))
-    return LeverSpring(eccentricity, term.dead_centre + by_centre)
+def _reshaped(term: Term, by_eccentricity: float, by_centre: float) -> Term:
+    eccentricity, dead_centre = term.parameters['eccentricity'], term.parameters['dead_centre']
+    eccentricity = float(np.clip(eccentricity + by_eccentricity, *ECCENTRICITIES))
+    return lever_spring(eccentricity, dead_centre + by_centre)

@@ -16,8 +16,8 @@ import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.compiled import CompiledFriction, FrictionFeatures
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.friction.basis import FrictionBasis
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.joint_types import JointHistory
 from lip_id_ros.model.arm_mean import evaluate_arm_many, pack
@@ -128,15 +128,10 @@ class Linearisation:
         arm = placements.reshape(*load.shape, -1), regressor
         target = samples.tau
         if self.friction.basis.is_loaded.any():
-            padded = np.pad(self.friction.coefficients, (0, self.basis.size - self.n_friction))
-            slopes = self._friction_features.load_slopes(padded, *state, load, history)
+            slopes = self.friction.load_slopes(*state, load, history)
             arm = arm[0] + slopes @ arm[0], arm[1] + slopes @ arm[1]
             target = target + np.einsum('tij,tj->ti', slopes, load)
-        return (self._friction_features(*state, load, history), *arm), target
-
-    @cached_property
-    def _friction_features(self) -> FrictionFeatures:
-        return FrictionFeatures(self.basis)
+        return (self.basis.features(*state, load, history), *arm), target
 
     def _of_joint(self, joint: int, parts: Sequence[Array]) -> Array:
         """Return the features (N, k_i + p_i) of a joint of those of all, by kinds (N, n, p)."""
@@ -156,7 +151,7 @@ class Linearisation:
         arm = ArmPosterior(self.chain, self.links, self.friction, self.noise, np.zeros((0, 0)))
         samples = Samples.of(dataset)
         torques = np.empty((dataset.n_samples, 5 * self.n_joints + 2))
-        evaluate_arm_many(torques, *samples.state, *pack(arm, CompiledFriction.of(self.friction)))
+        evaluate_arm_many(torques, *samples.state, *pack(arm, self.friction.compiled))
         residual = dataset.tau - torques[:, : self.n_joints]
         if (memory := self.friction.remembering) is not None:
             load = np.zeros_like(dataset.tau)

@@ -16,7 +16,6 @@ from scipy.linalg import cho_factor, cho_solve
 
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.compiled import FrictionFeatures
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.arm_prior import links_torque
 from lip_id_ros.identification.arm_problem import ArmProblem
@@ -325,8 +324,6 @@ def linearised(problem: ArmProblem, dataset: Dataset, fit: ArmFit) -> tuple[Arra
     if fit.friction.basis.is_loaded.any():
         load = links_torque(fit.chain, fit.links, dataset)
         loads = jacobian[..., : problem.size - fit.friction.basis.size]
-        states, friction = (dataset.q, dataset.dq, dataset.ddq), fit.friction
-        features = FrictionFeatures(friction.basis)
-        slopes = features.load_slopes(friction.coefficients, *states, load, dataset.history)
-        loads += slopes @ loads
+        states = dataset.q, dataset.dq, dataset.ddq, load, dataset.history
+        loads += fit.friction.load_slopes(*states) @ loads
     return jacobian, dataset.tau - problem.torque(fit.state)

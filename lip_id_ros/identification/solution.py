@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel
-from lip_id_ros.friction.terms import Coulomb, Offset, Viscous
+from lip_id_ros.friction.basis import FrictionBasis
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.friction.terms import coulomb, offset, viscous
 from lip_id_ros.identification.arm_coordinates import coefficient_std, moved_chain
 from lip_id_ros.identification.arm_prior import ArmPrior
 from lip_id_ros.identification.arm_system import ArmSystem, SystemState
@@ -32,7 +33,7 @@ INITIAL = 0.05
 LEAST_NOISE = 1e-6
 """Least noise, as a share of each torque's deviation."""
 
-VARYING = (Viscous, Coulomb, Offset)
+VARYING = (viscous, coulomb, offset)
 """Terms that differ between recordings."""
 
 
@@ -248,7 +249,7 @@ def _varies(basis: FrictionBasis) -> BoolArray:
     """Return which coefficients deviate between recordings: of drives of one joint alone."""
     return np.array(
         [
-            isinstance(part.term, VARYING) and len(part.drive.joints) == 1
+            part.term.kind in VARYING and len(part.drive.joints) == 1
             for part in basis.terms
             for _ in range(part.size)
         ]

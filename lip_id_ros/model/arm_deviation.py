@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from lip_id_ros.arrays import Array, IndexArray, IntArray
-from lip_id_ros.friction.compiled import CompiledFriction, set_features, set_load_slopes
+from lip_id_ros.friction.compiled import set_features, set_load_slopes
 from lip_id_ros.model.arm_mean import pack, unpack_friction
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.numba_jit import in_threads, jit, jit_inlined
@@ -40,7 +40,7 @@ class ArmDeviation:
         self._ends = self._root.shape[1] - np.argmax(reversed_rows, axis=1)
         friction = arm.friction.with_shapes()
         self._packed = (
-            *pack(arm, CompiledFriction.features_of(friction.basis)),
+            *pack(arm, friction.basis.compiled),
             np.flatnonzero(friction.basis.is_loaded),
             friction.coefficients,
         )
@@ -117,9 +117,9 @@ def used_jacobian(
             load[i] = 0.0
             for c in range(LINK_PARAMETERS * n):
                 load[i] += regressor[t, i, c] * parameters[c]
-        set_features(features, q[t], dq[t], ddq[t], load, steady, own)
+        set_features(features, q[t], dq[t], ddq[t], load, own)
         state = q[t], dq[t], ddq[t], load
-        set_load_slopes(features, loaded, coefficients, *state, slopes)
+        set_load_slopes(features, loaded, coefficients, *state, steady, slopes)
         for k in range(len(used)):
             at = used[k]
             for i in range(n):

@@ -82,7 +82,7 @@ class ChangingArmMean(ArmMean):
     """The same of an arm whose links and friction change."""
 
     def __init__(self, arm: ArmPosterior, residual_gp: ResidualGP | None) -> None:
-        features = CompiledFriction.features_of(arm.friction.basis)
+        features = arm.friction.basis.compiled
         super().__init__(arm, features, residual_gp)
         n, factors = self._n, features.factor
         self._links = self._floats[12 * n : (12 + LINK_PARAMETERS) * n]

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.friction.compiled import friction_features, FrictionFeatures
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.friction.basis import FrictionBasis
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.rigid_body import Chain
 from lip_id_ros.rigid_body.regressor import torque_regressor
@@ -56,10 +55,6 @@ class ArmPosterior:
         links = torque_regressor(self.chain, *_contiguous(q, dq, ddq)) @ self.links.ravel()
         return np.asarray(links + self.friction.torque(q, dq, ddq, links))
 
-    @cached_property
-    def _features(self) -> FrictionFeatures:
-        return FrictionFeatures(self.friction.basis)
-
     def jacobian(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Differentiate the torques by placements, links and coefficients, (N, n, 17 n + K)."""
         return self._jacobian(self.friction.basis, q, dq, ddq)
@@ -78,10 +73,10 @@ class ArmPosterior:
         out = np.empty((*dq.shape, n + count + basis.size))
         out[..., :n] = placements.reshape(*dq.shape, -1)
         out[..., n : n + count] = regressor
-        slopes = self._features.load_slopes(self.friction.coefficients, q, dq, ddq, load)
+        slopes = self.friction.load_slopes(q, dq, ddq, load)
         if slopes.any():
             out[..., : n + count] += slopes @ out[..., : n + count]
-        out[..., n + count :] = friction_features(basis, q, dq, ddq, load)
+        out[..., n + count :] = basis.features(q, dq, ddq, load)
         return out
 
     def torque_std(self, q: Array, dq: Array, ddq: Array) -> Array:

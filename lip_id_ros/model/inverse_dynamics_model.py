@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from lip_id_ros.arrays import Array, BoolArray, digest, EVERY, Rows
 from lip_id_ros.checked_file import Arrays, read_checked, write_checked
 from lip_id_ros.errors import ShapeError
-from lip_id_ros.friction.compiled import CompiledFriction
 from lip_id_ros.friction.dahl import (
     begins_of_states,
     begins_of_times,
@@ -447,7 +446,7 @@ class InverseDynamicsModel:
         if self.process is not None:
             return ProcessMean(self.process)
         arm = self._known_arm
-        return ArmMean(arm, CompiledFriction.of(arm.friction), self.residual_gp)
+        return ArmMean(arm, arm.friction.compiled, self.residual_gp)
 
     @cached_property
     def _arm_deviation(self) -> ArmDeviation:

@@ -12,10 +12,11 @@ from rigid_body.arms import random_bodies, random_chain
 
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.arrays import Array
-from lip_id_ros.friction.dahl import Dahl
+from lip_id_ros.friction.basis import FrictionBasis, plain_friction
 from lip_id_ros.friction.drives import Drive, DriveTerm
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
+from lip_id_ros.friction.terms import dahl
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
 
@@ -43,7 +44,7 @@ def known_model(memory: bool = False) -> InverseDynamicsModel:
     terms = plain_friction(n, np.full(n, WIDTH)).terms
     values = np.tile([0.8, 0.6, 0.05], n)
     if memory:
-        terms += (DriveTerm(Drive.of_joint(1), Dahl(WIDTH, 0.01)),)
+        terms += (DriveTerm(Drive.of_joint(1), dahl(WIDTH, 0.01)),)
         values = np.append(values, 0.5)
     friction = FrictionModel(FrictionBasis(n, terms), values)
     links = random_bodies(n, rng)

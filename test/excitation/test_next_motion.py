@@ -27,7 +27,8 @@ from lip_id_ros.excitation.expected_error import ExpectedError, States
 from lip_id_ros.excitation.joint_limits import JointLimits
 from lip_id_ros.excitation.planning import wanted_motions
 from lip_id_ros.excitation.series import FourierMotion, LimitedMotions
-from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.friction.basis import plain_friction
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior

@@ -7,24 +7,32 @@ from rigid_body.arms import links_of, random_bodies, random_chain
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.export.arm import ArmDescription, JointRanges
-from lip_id_ros.friction.conservative_terms import LeverSpring, Ripple, Spring
-from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
-from lip_id_ros.friction.dahl import Dahl
-from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
+from lip_id_ros.friction.basis import FrictionBasis, plain_friction
+from lip_id_ros.friction.conservative_terms import (
+    lever_spring,
+    position_curve,
+    ripple,
+    spring,
+    velocity_curve,
+)
+from lip_id_ros.friction.drives import Drive, DriveTerm
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.friction.terms import (
-    Asymmetric,
-    Coulomb,
-    FrictionTerm,
-    Lag,
-    LoadCoulomb,
-    LoadViscous,
-    PositionCoulomb,
-    Presliding,
-    QuadraticViscous,
-    SaturatingViscous,
-    Stribeck,
+    asymmetric,
+    coulomb,
+    dahl,
+    lag,
+    load_coulomb,
+    load_torque,
+    load_viscous,
+    position_coulomb,
+    presliding,
+    quadratic,
+    saturating,
+    shared_friction,
+    stribeck,
+    Term,
 )
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.arm_posterior import ArmPosterior
@@ -36,24 +44,24 @@ from lip_id_ros.simulation.arm import panda_urdf
 
 COUPLED = 'coupled'
 
-EXTRA: tuple[FrictionTerm, ...] = (
-    Stribeck(0.05),
-    SaturatingViscous(0.05),
-    QuadraticViscous(),
-    LoadCoulomb(0.05),
-    LoadViscous(),
-    Presliding(0.05, 3.0),
-    Lag(),
-    Asymmetric(0.1),
-    PositionCoulomb(0.03),
-    Ripple(2),
-    Spring(),
-    LeverSpring(0.6, 0.4),
-    PositionCurve(-1.0, 2.0, 5),
-    VelocityCurve(-2.0, 1.0, 4),
-    Dahl(0.05, 1e-3),
-    LoadTorque(),
-    SharedFriction(0.1),
+EXTRA: tuple[Term, ...] = (
+    stribeck(0.05),
+    saturating(0.05),
+    quadratic(),
+    load_coulomb(0.05),
+    load_viscous(),
+    presliding(0.05, 3.0),
+    lag(),
+    asymmetric(0.1),
+    position_coulomb(0.03),
+    ripple(2),
+    spring(),
+    lever_spring(0.6, 0.4),
+    position_curve(-1.0, 2.0, 5),
+    velocity_curve(-2.0, 1.0, 4),
+    dahl(0.05, 1e-3),
+    load_torque(),
+    shared_friction(0.1),
 )
 
 
@@ -66,7 +74,7 @@ def every_friction(n: int, rng: np.random.Generator) -> FrictionModel:
         drives[-2:] = [Drive.transmitted(n - 1, to=n - 2)] * 2
     terms += tuple(DriveTerm(*each) for each in zip(drives, EXTRA, strict=True))
     if n > 1:
-        terms += (DriveTerm(Drive((n - 1, n - 2), (1.0, -0.5)), Coulomb(0.04)),)
+        terms += (DriveTerm(Drive((n - 1, n - 2), (1.0, -0.5)), coulomb(0.04)),)
     basis = FrictionBasis(n, terms, 0.05 if n % 2 else 0.0)
     return FrictionModel(basis, rng.uniform(0.1, 1.0, basis.size))
 

@@ -15,20 +15,20 @@ from lip_id_ros.export.friction_table import (
     friction_table,
     labels,
 )
+from lip_id_ros.friction.basis import FrictionBasis
 from lip_id_ros.friction.drives import Drive, DriveTerm
-from lip_id_ros.friction.model import FrictionBasis
-from lip_id_ros.friction.terms import FrictionTerm, SaturatingViscous, Stribeck
+from lip_id_ros.friction.terms import saturating, stribeck, Term
 
 
 @pytest.mark.parametrize('term', EVERY, ids=lambda term: term.name)
-def test_every_term_names_its_coefficients(term: FrictionTerm) -> None:
+def test_every_term_names_its_coefficients(term: Term) -> None:
     assert len(coefficients_of(term)) == len(term.lower)
 
 
 def test_widths_are_velocities_of_the_joint() -> None:
-    assert coefficients_of(SaturatingViscous(0.01))[0] == ('within 0.03 rad/s', 'N m')
-    assert coefficients_of(Stribeck(0.03, 0.04))[1] == ('within 0.5 rad/s', 'N m')
-    basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), SaturatingViscous(0.01)),))
+    assert coefficients_of(saturating(0.01))[0] == ('within 0.03 rad/s', 'N m')
+    assert coefficients_of(stribeck(0.03, 0.04))[1] == ('within 0.5 rad/s', 'N m')
+    basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), saturating(0.01)),))
     assert labels(basis, ['lift'], ['prismatic'])[2] == (
         *('lift', 'saturating viscous, within 0.3 m/s', 'N'),
     )

@@ -20,7 +20,6 @@ from lip_id_ros.description.robot import moved
 from lip_id_ros.description.urdf import load_description
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.payload import attached, mass_cautions, payload_in_flange
-from lip_id_ros.friction.compiled import FrictionFeatures
 from lip_id_ros.friction.dahl_friction import DahlFriction
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.identification.payload import LoadedArm
@@ -69,7 +68,7 @@ def test_the_model_has_the_payload() -> None:
     links = torque_regressor(after.arm.chain, q, dq, ddq) @ after.arm.links.ravel()
     rows = columns @ loaded.body_root
     friction = after.arm.friction
-    slopes = FrictionFeatures(friction.basis).load_slopes(friction.coefficients, q, dq, ddq, links)
+    slopes = friction.load_slopes(q, dq, ddq, links)
     rows += slopes @ rows
     none = np.zeros(dq.shape[1], dtype=bool)
     unknown = DahlFriction.of(after.arm.friction, none).single_std(dq, ddq)

@@ -18,7 +18,8 @@ from lip_id_ros.description.urdf import load_description
 from lip_id_ros.export.arm import ArmDescription, Exported
 from lip_id_ros.export.formats import formatted, Template
 from lip_id_ros.export.urdf_template import fill_template, template_remarks
-from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.friction.basis import plain_friction
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 

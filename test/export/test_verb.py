@@ -18,7 +18,8 @@ from benchmarks._arms import JointFriction
 from lip_id_ros.cli import main
 from lip_id_ros.export.arm import describe
 from lip_id_ros.export.c_header import to_c_header
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
+from lip_id_ros.friction.basis import FrictionBasis, plain_friction
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.identification import fit
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.effort_calibration import EffortCalibration

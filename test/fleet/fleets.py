@@ -15,7 +15,8 @@ import numpy as np
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.fleet.engines import attempt, Engine, Outcome
-from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.friction.basis import plain_friction
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
 from lip_id_ros.identification.linearisation import Linearisation
 from lip_id_ros.progress import Progress

@@ -1,8 +1,10 @@
-"""Friction terms: their two forms agree, they never drive a joint, and files keep them."""
+"""Friction terms: their formulas, that they never drive a joint, and that files keep them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from export.arms import EXTRA
 from hypothesis import given
@@ -14,44 +16,36 @@ from scipy.optimize import minimize_scalar
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ModelError, ShapeError
-from lip_id_ros.friction import drives, terms
-from lip_id_ros.friction.conservative_terms import LeverShape, LeverSpring, Ripple, Spring
-from lip_id_ros.friction.curves import PositionCurve, VelocityCurve
-from lip_id_ros.friction.dahl import Dahl
-from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque, SharedFriction, SignWidth
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel
-from lip_id_ros.friction.primitives import (
-    ACCELERATION,
-    ANYWHERE,
-    COSINE,
-    LEVER,
-    LOAD,
-    POSITION,
-    Primitive,
-    REVERSAL,
-    SIGN,
-    SQUARE,
-    STEP,
-    STEP_AT,
-    VELOCITY,
+from lip_id_ros.friction.basis import FrictionBasis
+from lip_id_ros.friction.conservative_terms import (
+    lever_shape,
+    lever_spring,
+    position_curve,
+    ripple,
+    spring,
+    velocity_curve,
 )
+from lip_id_ros.friction.drives import Drive, DriveTerm, KINDS
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.terms import (
-    Asymmetric,
-    Coulomb,
-    DriveState,
+    asymmetric,
+    coulomb,
+    dahl,
     FREE,
-    FrictionTerm,
-    Lag,
-    LoadCoulomb,
-    LoadViscous,
-    Offset,
-    PositionCoulomb,
-    Presliding,
-    QuadraticViscous,
-    SaturatingViscous,
-    smooth_sign,
-    Stribeck,
-    Viscous,
+    lag,
+    load_coulomb,
+    load_torque,
+    load_viscous,
+    offset,
+    position_coulomb,
+    presliding,
+    quadratic,
+    saturating,
+    shared_friction,
+    sign_width,
+    stribeck,
+    Term,
+    viscous,
 )
 from lip_id_ros.identification.friction_candidates import (
     candidates,
@@ -60,98 +54,151 @@ from lip_id_ros.identification.friction_candidates import (
     RISE_PERIODS,
 )
 from lip_id_ros.identification.sample_selection import remembering
-from lip_id_ros.joint_types import JointHistory
+from lip_id_ros.joint_types import DISPLACEMENTS, JointHistory
 from lip_id_ros.preprocessing.smoothing import low_pass
 
-EVERY: list[FrictionTerm] = [
-    Viscous(),
-    Lag(),
-    Coulomb(0.1),
-    Offset(),
-    Stribeck(0.05),
-    Stribeck(0.03, 0.02),
-    SaturatingViscous(0.05),
-    QuadraticViscous(),
-    LoadCoulomb(0.1),
-    LoadViscous(),
-    Presliding(0.1, 2.0),
-    Asymmetric(0.1),
-    PositionCoulomb(0.1),
-    Ripple(1),
-    Ripple(2),
-    Spring(),
-    LeverSpring(0.6, 0.4),
-    PositionCurve(-1.0, 2.0, 8),
-    VelocityCurve(-0.5, 1.0, 6),
-    Dahl(0.1, 1e-3),
-    LoadTorque(),
-    SharedFriction(0.1),
+EVERY: list[Term] = [
+    viscous(),
+    lag(),
+    coulomb(0.1),
+    offset(),
+    stribeck(0.05),
+    stribeck(0.03, 0.02),
+    saturating(0.05),
+    quadratic(),
+    load_coulomb(0.1),
+    load_viscous(),
+    presliding(0.1, 2.0),
+    asymmetric(0.1),
+    position_coulomb(0.1),
+    ripple(1),
+    ripple(2),
+    spring(),
+    lever_spring(0.6, 0.4),
+    position_curve(-1.0, 2.0, 8),
+    velocity_curve(-0.5, 1.0, 6),
+    dahl(0.1, 1e-3),
+    load_torque(),
+    shared_friction(0.1),
 ]
-SHAPES: list[FrictionTerm] = [SignWidth(0.1), LeverShape(0.6, 0.4)]
+SHAPES: list[Term] = [sign_width(0.1), lever_shape(0.6, 0.4)]
 DISSIPATIVE = [
-    term for term in EVERY if FREE not in term.lower and not isinstance(term, Presliding | Lag)
+    term for term in EVERY if FREE not in term.lower and term.kind not in (presliding, lag)
 ]
+RISE_TIME = 0.05
 finite = st.floats(-20.0, 20.0)
 
 
-def name(term: FrictionTerm) -> str:
+class State(NamedTuple):
+    """State of one drive at N samples, each of shape (N,)."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+    load: Array
+
+    def sign(self, width: float) -> Array:
+        return np.asarray(np.tanh(self.dq / np.hypot(width, RISE_TIME * self.ddq)))
+
+
+def lever_features(q: Array, eccentricity: float, dead_centre: float) -> Array:
+    sine, cosine = np.sin(q - dead_centre), np.cos(q - dead_centre)
+    return np.column_stack([sine / np.sqrt(1.0 - eccentricity * cosine), sine])
+
+
+def steps(x: Array, low: float, high: float, count: int) -> list[Array]:
+    breadth = 0.75 * (high - low) / (count - 1)
+    return [np.tanh((x - centre) / breadth) for centre in np.linspace(low, high, count)]
+
+
+def peaks(x: State, width: float, smoothing: float) -> list[Array]:
+    narrow = np.hypot(width, smoothing)
+    return [x.sign(narrow) - x.sign(times * narrow) for times in (3.0, 10.0, 30.0)]
+
+
+def one_way(x: State, width: float) -> list[Array]:
+    both = x.dq, x.sign(width)
+    return [way(each, 0.0) for way in (np.maximum, np.minimum) for each in both]
+
+
+def by_width(x: State, width: float) -> list[Array]:
+    return [(x.sign(width * np.exp(0.01)) - x.sign(width * np.exp(-0.01))) / 0.02]
+
+
+def by_shape(x: State, e: float, centre: float) -> list[Array]:
+    h = 1e-4
+    shorter, longer = (lever_features(x.q, e + k, centre) for k in (-h, h))
+    earlier, later = (lever_features(x.q, e, centre + k) for k in (-h, h))
+    return [each / (2.0 * h) for each in ((longer - shorter)[:, 0], *(later - earlier).T)]
+
+
+FORMULAS: dict[Callable[..., Term], Callable[..., list[Array]]] = {
+    viscous: lambda x: [x.dq],
+    lag: lambda x: [-x.ddq],
+    coulomb: lambda x, width: [x.sign(width)],
+    offset: lambda x: [1.0 + 0.0 * x.q],
+    stribeck: peaks,
+    saturating: lambda x, width: [x.sign(times * width) for times in (3.0, 10.0, 30.0)],
+    quadratic: lambda x: [x.dq * np.abs(x.dq)],
+    load_coulomb: lambda x, width: [np.abs(x.load) * x.sign(width)],
+    load_viscous: lambda x: [np.abs(x.load) * x.dq],
+    presliding: lambda x, width, size: [-np.tanh(x.ddq / size) * (1.0 - x.sign(width) ** 2)],
+    asymmetric: one_way,
+    position_coulomb: lambda x, width: [
+        x.sign(width) * (1.0 + np.cos(x.q - phase)) for phase in 0.5 * np.pi * np.arange(4)
+    ],
+    ripple: lambda x, often: [np.cos(often * x.q), np.sin(often * x.q)],
+    spring: lambda x: [x.q],
+    lever_spring: lambda x, e, centre: list(lever_features(x.q, e, centre).T),
+    position_curve: lambda x, *shape: steps(x.q, *shape),
+    velocity_curve: lambda x, *shape: steps(x.dq, *shape),
+    dahl: lambda x, width, displacement: [0.0 * x.q],
+    load_torque: lambda x: [x.load],
+    shared_friction: lambda x, width: [x.dq, x.sign(width)],
+    sign_width: by_width,
+    lever_shape: by_shape,
+}
+
+
+def name(term: Term) -> str:
     return term.name
 
 
-def states(n_samples: int = 200) -> DriveState:
+def states(n_samples: int = 200) -> State:
     rng = np.random.default_rng(0)
     sizes = np.array([[2.0], [1.0], [3.0], [30.0]])
     q, dq, ddq, load = rng.standard_normal((4, n_samples)) * sizes
     dq[:5] = 0.0
-    return DriveState(q, dq, ddq, load, 0.05 * np.abs(ddq))
+    return State(q, dq, ddq, load)
 
 
-def primitive_value(primitive: Primitive, state: DriveState) -> Array:
-    width = np.sqrt(primitive.width**2 + np.square(state.smoothing))
-    shapes: dict[int, Array] = {
-        VELOCITY: state.dq,
-        SIGN: np.tanh(state.dq / width),
-        SQUARE: state.dq * np.abs(state.dq),
-        LOAD: state.load,
-        ACCELERATION: state.ddq,
-        STEP: np.tanh((state.dq - primitive.centre) / primitive.width),
-        REVERSAL: np.tanh(state.ddq / primitive.acceleration) / np.cosh(state.dq / width) ** 2,
-    }
-    shape = shapes.get(primitive.shape, np.ones_like(state.dq))
-    if primitive.side:
-        shape = np.where(np.sign(shape) == primitive.side, shape, 0.0)
-    if primitive.loaded:
-        shape = shape * np.abs(state.load)
-    if primitive.position == ANYWHERE:
-        return shape
-    if primitive.position == POSITION:
-        return shape * state.q
-    if primitive.position == STEP_AT:
-        return np.asarray(shape * np.tanh(primitive.harmonic * (state.q - primitive.centre)))
-    at = state.q - primitive.centre
-    if primitive.position == LEVER:
-        return np.asarray(shape * np.sin(at) / np.sqrt(1.0 - primitive.harmonic * np.cos(at)))
-    wave = np.cos if primitive.position == COSINE else np.sin
-    return np.asarray(shape * wave(primitive.harmonic * at))
+def features_of(term: Term, state: State, rise_time: float = RISE_TIME) -> Array:
+    basis = FrictionBasis(1, one_drive(term).terms, rise_time)
+    return basis.values(*(x[:, None] for x in state))
 
 
 def test_every_term_is_tested() -> None:
-    assert {type(term).__name__ for term in (*EVERY, SHAPES[0])} == {
-        name
-        for name, kind in (*vars(terms).items(), *vars(drives).items())
-        if isinstance(kind, type) and hasattr(kind, 'columns') and name != 'FrictionTerm'
-    }
+    assert {term.kind for term in EVERY} == set(KINDS.values())
 
 
 @pytest.mark.parametrize('term', [*EVERY, *SHAPES], ids=name)
-def test_primitives_add_up_to_the_features(term: FrictionTerm) -> None:
+def test_features_are_those_of_the_formulas(term: Term) -> None:
     state = states()
-    sums = [
-        sum((f * primitive_value(each, state) for f, each in column), start=0.0 * state.q)
-        for column in term.columns()
-    ]
-    np.testing.assert_allclose(np.column_stack(sums), term.features(state), atol=1e-11)
-    assert len(term.lower) == len(sums)
+    expected = np.column_stack(FORMULAS[term.kind](state, *term.parameters.values()))
+    np.testing.assert_allclose(features_of(term, state), expected, rtol=1e-12, atol=1e-11)
+    assert len(term.lower) == expected.shape[1]
+
+
+def test_dahl_friction_is_the_difference_of_its_state_to_the_sign() -> None:
+    """Of a motor that turns the other way, with the sign that the low-pass makes."""
+    state, rng = states(), np.random.default_rng(1)
+    drive = Drive((0,), (-2.0,), (1.0,))
+    terms = DriveTerm(drive, dahl(0.1, 1e-3)), DriveTerm(drive, coulomb(0.1))
+    basis, (q, dq, ddq, load) = FrictionBasis(1, terms, RISE_TIME), np.array(state)[..., None]
+    sign, memory = rng.standard_normal((200, 1)), rng.uniform(-1.0, 1.0, (200, 1, 5))
+    history = JointHistory(sign, memory)
+    found, smooth = basis.values(q, dq, ddq, load, history).T
+    np.testing.assert_allclose(found, memory[:, 0, DISPLACEMENTS.index(1e-3)] - smooth)
 
 
 @given(st.floats(0.02, 0.2), st.floats(0.3, 0.5), st.floats(-3.0, 3.0), st.floats(0.0, 1.0))
@@ -167,43 +214,38 @@ def test_a_lever_spring_has_the_torque_of_its_energy(
         return np.asarray(0.5 * (length - rest) ** 2)
 
     eccentricity = 2.0 * a * b / square
-    force, stiffness = LeverSpring(eccentricity, centre).features(states(q.size)._replace(q=q)).T
+    lever = lever_spring(eccentricity, centre)
+    force, stiffness = features_of(lever, states(q.size)._replace(q=q)).T
     half = 0.5 * square * eccentricity
     torque = half * (stiffness - rest / np.sqrt(square) * force)
     slope = (energy(q + h) - energy(q - h)) / (2.0 * h)
     np.testing.assert_allclose(torque, slope, atol=1e-9)
 
 
-def test_shapes_of_levers_are_slopes() -> None:
-    state, term, h = states(), LeverSpring(0.6, 0.4), 1e-5
-    slopes = LeverShape(0.6, 0.4).features(state)
-    wider, narrower = (LeverSpring(0.6 + k, 0.4).features(state) for k in (h, -h))
-    later, earlier = (LeverSpring(0.6, 0.4 + k).features(state) for k in (h, -h))
-    expected = [(wider - narrower)[:, 0], *(later - earlier).T]
-    np.testing.assert_allclose(slopes, np.column_stack(expected) / (2.0 * h), atol=1e-6)
+def test_levers_have_their_shapes() -> None:
+    term = lever_spring(0.6, 0.4)
     model = FrictionModel(one_drive(term), np.array([2.0, -3.0])).with_shapes()
     assert model.basis.size == 5
     assert model.shape_std.shape == (3,)
 
 
-def one_drive(term: FrictionTerm) -> FrictionBasis:
+def one_drive(term: Term) -> FrictionBasis:
     return FrictionBasis(1, (DriveTerm(Drive.of_joint(0), term),))
 
 
 @pytest.mark.parametrize('term', EVERY, ids=name)
-def test_which_features_depend_on_the_load(term: FrictionTerm) -> None:
+def test_which_features_depend_on_the_load(term: Term) -> None:
     state = states()
     other = state._replace(load=2.0 * state.load)
-    changes = (term.features(state) != term.features(other)).any(axis=0)
-    basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), term),))
-    np.testing.assert_array_equal(basis.is_loaded, changes)
+    changes = (features_of(term, state) != features_of(term, other)).any(axis=0)
+    np.testing.assert_array_equal(one_drive(term).is_loaded, changes)
 
 
 @pytest.mark.parametrize('term', DISSIPATIVE, ids=name)
-@given(state=st.tuples(*[finite] * 5))
-def test_no_feature_drives_a_joint(term: FrictionTerm, state: tuple[float, ...]) -> None:
-    features, dq = term.features(DriveState(*np.array(state)[:, None])), state[1]
-    assert np.all(features * dq >= 0.0)
+@given(state=st.tuples(*[finite] * 4))
+def test_no_feature_drives_a_joint(term: Term, state: tuple[float, ...]) -> None:
+    features, dq = features_of(term, State(*np.array(state)[:, None])), state[1]
+    assert np.all(features * dq >= -1e-14)  # sums of waves round
 
 
 def test_presliding_friction_works_for_nothing_over_a_reversal() -> None:
@@ -211,8 +253,8 @@ def test_presliding_friction_works_for_nothing_over_a_reversal() -> None:
     t = np.linspace(-1.0, 1.0, 2001)
     for ddq in 3.0, -3.0:
         still = np.zeros_like(t)
-        state = DriveState(0.5 * ddq * t**2, ddq * t, np.full_like(t, ddq), still)
-        power = Presliding(0.1, 2.0).features(state)[:, 0] * state.dq
+        state = State(0.5 * ddq * t**2, ddq * t, np.full_like(t, ddq), still)
+        power = features_of(presliding(0.1, 2.0), state)[:, 0] * state.dq
         assert np.all(power[t < 0.0] >= 0.0)
         assert np.all(power[t > 0.0] <= 0.0)
         assert abs(np.sum(power)) < 1e-9 * np.sum(np.abs(power))
@@ -226,12 +268,15 @@ def test_a_smooth_sign_is_the_sign_of_a_velocity_after_the_low_pass(
     """Of a joint that reverses, in the time in which the low-pass responds."""
     rate = 1000.0
     t = np.arange(-2000.5, 2000.0) / rate
-    state = DriveState(0.0 * t, ddq * t, np.full_like(t, ddq), 0.0 * t)
+    state = State(0.0 * t, ddq * t, np.full_like(t, ddq), 0.0 * t)
     filtered = low_pass(np.sign(state.dq), rate, cutoff)
-    smooth = state._replace(smoothing=RISE_PERIODS / cutoff * abs(ddq))
     near = np.abs(t) < 0.5 / cutoff
-    assert np.std((smooth_sign(smooth, 1e-3) - filtered)[near]) < 0.11
-    assert np.std((smooth_sign(state, 1e-3) - filtered)[near]) > 0.35
+    smooth, sharp = (
+        features_of(coulomb(1e-3), state, rise_time)[:, 0]
+        for rise_time in (RISE_PERIODS / cutoff, 0.0)
+    )
+    assert np.std((smooth - filtered)[near]) < 0.11
+    assert np.std((sharp - filtered)[near]) > 0.35
 
 
 def test_a_narrow_sign_is_the_low_passed_one_where_that_is_known() -> None:
@@ -243,14 +288,14 @@ def test_a_narrow_sign_is_the_low_passed_one_where_that_is_known() -> None:
     sign = low_pass(np.sign(motion[1]), rate, cutoff)
     inside = (np.abs(ddq) > 0.1) & (t > 0.5) & (t < 9.5)
     for width, most in (1e-4, 1e-5), (0.1, 0.01), (0.3, 0.03):
-        terms = (DriveTerm(Drive((0,), (-2.0,), (1.0,)), Coulomb(width)),)
+        terms = (DriveTerm(Drive((0,), (-2.0,), (1.0,)), coulomb(width)),)
         basis = FrictionBasis(1, terms, rise_time)
-        known, steady = basis.features(*motion, JointHistory(sign))[0], basis.features(*motion)[0]
+        known, steady = basis.values(*motion, JointHistory(sign)), basis.values(*motion)
         assert np.abs(known + sign)[inside].max() < most
         assert np.abs(steady + sign)[inside].max() > 0.14
     unfiltered = FrictionBasis(1, terms)
     np.testing.assert_array_equal(
-        unfiltered.features(*motion, JointHistory(sign))[0], unfiltered.features(*motion)[0]
+        unfiltered.values(*motion, JointHistory(sign)), unfiltered.values(*motion)
     )
 
 
@@ -268,10 +313,10 @@ def test_the_rise_time_is_that_of_the_low_pass() -> None:
 
 def coupled() -> FrictionModel:
     drives = [
-        DriveTerm(Drive.of_joint(0), Viscous()),
-        DriveTerm(Drive((2, 1), (1.0, -1.0)), Coulomb(0.1)),
-        DriveTerm(Drive.of_joint(1), LoadCoulomb(0.2)),
-        DriveTerm(Drive.of_joint(1), Offset()),
+        DriveTerm(Drive.of_joint(0), viscous()),
+        DriveTerm(Drive((2, 1), (1.0, -1.0)), coulomb(0.1)),
+        DriveTerm(Drive.of_joint(1), load_coulomb(0.2)),
+        DriveTerm(Drive.of_joint(1), offset()),
     ]
     return FrictionModel(FrictionBasis(3, tuple(drives)), np.array([0.5, 2.0, 0.1, -0.3]))
 
@@ -292,9 +337,9 @@ def test_friction_of_coupled_motors() -> None:
 
 def transmitted() -> FrictionModel:
     """Return what motors of a coupled wrist have: the second effort contains the third torque."""
-    own = DriveTerm(Drive.of_joint(2), Viscous())
+    own = DriveTerm(Drive.of_joint(2), viscous())
     drive = Drive.transmitted(2, to=1)
-    terms = own, DriveTerm(drive, LoadTorque()), DriveTerm(drive, SharedFriction(0.1))
+    terms = own, DriveTerm(drive, load_torque()), DriveTerm(drive, shared_friction(0.1))
     return FrictionModel(FrictionBasis(3, terms), np.array([0.5, -0.7, 0.2, 0.3]))
 
 
@@ -319,7 +364,7 @@ def test_names_in_the_words_of_the_field() -> None:
 
 
 @pytest.mark.parametrize('term', EVERY, ids=name)
-def test_a_file_keeps_the_term(term: FrictionTerm) -> None:
+def test_a_file_keeps_the_term(term: Term) -> None:
     drives = Drive((1, 0), (1.0, 0.5)), Drive.transmitted(0, to=1)
     basis = FrictionBasis(2, tuple(DriveTerm(drive, term) for drive in drives), 0.05)
     model = FrictionModel(basis, np.arange(1.0, basis.size + 1))
@@ -389,7 +434,7 @@ PLAIN = ('viscous', 'Coulomb', 'offset')
 
 
 @pytest.mark.parametrize('term', EVERY, ids=lambda term: term.name)
-def test_has_a_row_in_the_maths(term: FrictionTerm) -> None:
+def test_has_a_row_in_the_maths(term: Term) -> None:
     text = MATHS.read_text(encoding='utf-8').partition('## 12.')[2].partition('## 13.')[0]
     rows = [line.split('|')[1] for line in text.splitlines() if line.startswith('|')]
     assert term.name in [name.strip() for row in rows for name in row.split(',')]
@@ -400,11 +445,12 @@ def test_the_selection_is_offered_every_term() -> None:
     dataset = Dataset.from_arrays(q, q, q, q)
     widths = np.array([0.1, 0.1])
     offered = [*plain_candidates(widths), *candidates(widths, remembering(dataset))]
-    offered.append(lever_candidate(0, LeverSpring(0.5, 0.0), []))  # after a search
+    offered.append(lever_candidate(0, lever_spring(0.5, 0.0), []))  # after a search
     names = {part.term.name for each in offered for part in each.terms}
-    assert names | {Lag.name} == {term.name for term in EVERY}  # lag: beside links that can exist
+    # lag: beside links that can exist
+    assert names | {lag().name} == {term.name for term in EVERY}
 
 
 def test_exports_are_tested_with_every_kind_of_term() -> None:
-    tested = {type(term) for term in EXTRA} | {type(t) for t in EVERY if t.name in PLAIN}
-    assert tested == {type(term) for term in EVERY}
+    tested = {term.kind for term in EXTRA} | {t.kind for t in EVERY if t.name in PLAIN}
+    assert tested == {term.kind for term in EVERY}

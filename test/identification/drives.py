@@ -7,22 +7,24 @@ import numpy as np
 from benchmarks._arms import random_arm, RandomArm
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.conservative_terms import Ripple, Spring
-from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.friction.basis import FrictionBasis
+from lip_id_ros.friction.conservative_terms import ripple, spring
+from lip_id_ros.friction.drives import Drive, DriveTerm
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.terms import (
-    Asymmetric,
-    Coulomb,
-    FrictionTerm,
-    LoadCoulomb,
-    LoadViscous,
-    Offset,
-    PositionCoulomb,
-    Presliding,
-    QuadraticViscous,
-    SaturatingViscous,
-    Stribeck,
-    Viscous,
+    asymmetric,
+    coulomb,
+    load_coulomb,
+    load_torque,
+    load_viscous,
+    offset,
+    position_coulomb,
+    presliding,
+    quadratic,
+    saturating,
+    stribeck,
+    Term,
+    viscous,
 )
 
 N_JOINTS, JOINT = 3, 1
@@ -33,19 +35,19 @@ PLAIN = {'viscous', 'Coulomb', 'offset'}
 
 Terms = list[tuple[DriveTerm, list[float]]]
 
-PRESENT: dict[str, tuple[FrictionTerm, list[float]]] = {
-    'Stribeck': (Stribeck(WIDTH), [0.0, 0.1, 0.0]),
-    'saturating viscous': (SaturatingViscous(WIDTH), [0.0, 0.4, 0.0]),
-    'quadratic viscous': (QuadraticViscous(), [0.1]),
-    'load-dependent Coulomb': (LoadCoulomb(WIDTH), [0.15]),
-    'load-dependent viscous': (LoadViscous(), [0.15]),
-    'pre-sliding': (Presliding(WIDTH, 1.0), [0.1]),
-    'asymmetric': (Asymmetric(WIDTH), [0.1, 0.1, 0.0, 0.0]),
-    'position-dependent Coulomb': (PositionCoulomb(WIDTH), [0.1, 0.0, 0.0, 0.0]),
-    'periodic once a turn': (Ripple(1), [0.1, 0.1]),
-    'periodic twice a turn': (Ripple(2), [0.1, 0.1]),
-    'ripple 9 times a turn': (Ripple(9), [0.1, 0.05]),
-    'joint spring': (Spring(), [0.1]),
+PRESENT: dict[str, tuple[Term, list[float]]] = {
+    'Stribeck': (stribeck(WIDTH), [0.0, 0.1, 0.0]),
+    'saturating viscous': (saturating(WIDTH), [0.0, 0.4, 0.0]),
+    'quadratic viscous': (quadratic(), [0.1]),
+    'load-dependent Coulomb': (load_coulomb(WIDTH), [0.15]),
+    'load-dependent viscous': (load_viscous(), [0.15]),
+    'pre-sliding': (presliding(WIDTH, 1.0), [0.1]),
+    'asymmetric': (asymmetric(WIDTH), [0.1, 0.1, 0.0, 0.0]),
+    'position-dependent Coulomb': (position_coulomb(WIDTH), [0.1, 0.0, 0.0, 0.0]),
+    'periodic once a turn': (ripple(1), [0.1, 0.1]),
+    'periodic twice a turn': (ripple(2), [0.1, 0.1]),
+    'ripple 9 times a turn': (ripple(9), [0.1, 0.05]),
+    'joint spring': (spring(), [0.1]),
 }
 """Terms of the second joint, with coefficients in standard deviations of the links' torque."""
 
@@ -74,7 +76,7 @@ def recording(seed: int, extra: Terms) -> tuple[RandomArm, Dataset]:
     plain = [
         (DriveTerm(Drive.of_joint(j), term), [0.1])
         for j in range(N_JOINTS)
-        for term in (Viscous(), Coulomb(WIDTH), Offset())
+        for term in (viscous(), coulomb(WIDTH), offset())
     ]
     scaled = []
     for part, values in [*plain, *extra]:
@@ -103,10 +105,10 @@ def present(name: str) -> Terms:
 
 def coupled() -> Terms:
     """Return friction of a motor that turns with the last two joints."""
-    return [(DriveTerm(COUPLED, term), [0.1]) for term in (Viscous(), Coulomb(WIDTH))]
+    return [(DriveTerm(COUPLED, term), [0.1]) for term in (viscous(), coulomb(WIDTH))]
 
 
 def coupled_efforts() -> Terms:
     """Return what the second effort has of the third joint's torque: motors are coupled."""
     drive = Drive.transmitted(2, to=JOINT)
-    return [(DriveTerm(drive, LoadTorque()), [0.7])]
+    return [(DriveTerm(drive, load_torque()), [0.7])]

@@ -15,10 +15,10 @@ from scipy.stats import t as student
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.compiled import friction_features
-from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel
-from lip_id_ros.friction.terms import Coulomb, LoadCoulomb
+from lip_id_ros.friction.basis import FrictionBasis
+from lip_id_ros.friction.drives import Drive, DriveTerm
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.friction.terms import coulomb, load_coulomb, load_torque
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.arm_prior import links_torque
 from lip_id_ros.identification.arm_search import ArmSearch
@@ -174,8 +174,8 @@ def test_the_jacobian_by_differences(k: int) -> None:
 def test_loads_follow_the_links_by_differences() -> None:
     """Friction that grows with the load, and a torque in the effort of the joint beside it."""
     fitter, fit = fitted()
-    loaded = DriveTerm(Drive.of_joint(0), LoadCoulomb(0.1))
-    coupled = DriveTerm(Drive.transmitted(2, to=1), LoadTorque())
+    loaded = DriveTerm(Drive.of_joint(0), load_coulomb(0.1))
+    coupled = DriveTerm(Drive.transmitted(2, to=1), load_torque())
     basis = FrictionBasis(3, (*fit.friction.basis.terms, loaded, coupled))
     friction = FrictionModel(basis, np.append(fit.friction.coefficients, [0.2, 0.7]))
     fit = replace(fit, friction=friction)
@@ -327,19 +327,19 @@ def test_white_noise_that_grows_near_rest_is_not_taken_for_correlated(seed: int)
 
 def test_widths_of_signs_are_as_certain_as_samples_near_rest_make_them() -> None:
     fitter, fit = fitted()
-    data, coulomb = fitter.dataset, fit.friction.shape_std
+    data, dry = fitter.dataset, fit.friction.shape_std
     fit, _, solution, _ = posterior(fitter, fit)
     root = solution.covariance_root
     assert len(root) == 17 * len(TYPES) + fit.friction.basis.size + len(TYPES)
-    std = np.linalg.norm(root[-len(TYPES) :], axis=1) / coulomb
+    std = np.linalg.norm(root[-len(TYPES) :], axis=1) / dry
     basis = fit.friction.with_shapes().basis
-    features = friction_features(basis, data.q, data.dq, data.ddq, np.zeros_like(data.dq))
-    slopes = coulomb * np.diagonal(features[..., -len(TYPES) :], axis1=1, axis2=2)
+    features = basis.features(data.q, data.dq, data.ddq, np.zeros_like(data.dq))
+    slopes = dry * np.diagonal(features[..., -len(TYPES) :], axis1=1, axis2=2)
     alone = fit.noise.std / np.sqrt(np.sum(fit.noise.weights(data.dq) * slopes**2, axis=0))
     assert (std > 0.9 * alone).all()
     assert (std < 3.0 * np.sqrt(solution.inflation) * alone).all()
     terms = (part.term for part in fit.friction.basis.terms)
-    widths = np.array([term.width for term in terms if isinstance(term, Coulomb)])
+    widths = np.array([term.parameters['width'] for term in terms if term.kind is coulomb])
     truth = np.where(np.sqrt(np.mean(data.dq**2, axis=0)) > 1.0, 0.1, 0.015)
     assert (np.abs(np.log(widths / truth)) < 4.0 * std).all()
 

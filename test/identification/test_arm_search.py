@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.conservative_terms import Spring
+from lip_id_ros.friction.conservative_terms import spring
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch, find_placements
 from lip_id_ros.identification.identify import FRICTION, identify
@@ -47,7 +47,7 @@ def test_strong_springs_do_not_mislead_the_search(monkeypatch: pytest.MonkeyPatc
     assert search.terms
     assert (calibration.noise_std < 2.0 * NOISE * search.fitter.torque_std).all()
     terms = arm_found.arm.friction.basis.terms
-    assert {each.drive.joints for each in terms if isinstance(each.term, Spring)} == {(1,), (2,)}
+    assert {each.drive.joints for each in terms if each.term.kind is spring} == {(1,), (2,)}
     error = arm_found.torque(unseen.q, unseen.dq, unseen.ddq) - unseen.tau
     assert (error.std(axis=0) < 2.0 * NOISE * unseen.tau.std(axis=0)).all()
 

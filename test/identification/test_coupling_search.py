@@ -11,10 +11,11 @@ import pytest
 
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ConfigError
+from lip_id_ros.friction.basis import FrictionBasis, plain_friction
 from lip_id_ros.friction.drives import Drive, DriveTerm
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
-from lip_id_ros.friction.terms import LoadViscous
+from lip_id_ros.friction.terms import load_viscous
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch, find_placements
 from lip_id_ros.identification.coupling_search import (
@@ -135,7 +136,7 @@ def test_linearised_torques_are_those_of_the_arm(couplings: tuple[Coupling, ...]
     data = known_samples(arm, 20)
     terms = (
         *plain_friction(3, np.full(3, 0.1)).terms,
-        DriveTerm(Drive.transmitted(2, 1), LoadViscous()),
+        DriveTerm(Drive.transmitted(2, 1), load_viscous()),
     )
     basis = FrictionBasis(3, terms, 0.0)
     friction = FrictionModel(basis, np.linspace(0.1, 1.0, basis.size))

@@ -19,7 +19,8 @@ from lip_id_ros.description.urdf import load_description
 from lip_id_ros.errors import ConfigError
 from lip_id_ros.export.arm import ArmDescription, JointRanges
 from lip_id_ros.export.urdf_template import fill_template
-from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.friction.basis import plain_friction
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.identification import fit
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter
 from lip_id_ros.identification.arm_prior import ArmPrior, DescriptionSettings

@@ -30,7 +30,7 @@ from benchmarks._arms import random_arm, RandomArm
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.drives import Drive, DriveTerm
-from lip_id_ros.friction.terms import Coulomb, LoadCoulomb, LoadViscous
+from lip_id_ros.friction.terms import coulomb, load_coulomb, load_viscous
 from lip_id_ros.identification.friction_candidates import Candidate
 from lip_id_ros.identification.friction_selection import (
     _Ballot,
@@ -201,7 +201,7 @@ def test_widths_are_found_between_those_of_the_grid(
         got, names = selected(arm, dataset)
         assert names == [set()] * N_JOINTS
         terms = (part.term for part in got.friction.basis.terms)
-        found = [term.width for term in terms if isinstance(term, Coulomb)]
+        found = [term.parameters['width'] for term in terms if term.kind is coulomb]
         np.testing.assert_allclose(found, width, rtol=0.08)
 
 
@@ -209,14 +209,14 @@ def test_a_joint_that_is_slow_has_a_wide_sign() -> None:
     """Wider than dry friction is as a rule, where the samples show it for sure."""
     arm, dataset = recording(0, [])
     speed = np.sqrt(np.mean(dataset.dq**2, axis=0))
-    slow = Coulomb(0.3 * float(speed[0]))
-    change = np.tanh(dataset.dq[:, 0] / slow.width) - np.tanh(dataset.dq[:, 0] / WIDTH)
+    width = 0.3 * float(speed[0])
+    change = np.tanh(dataset.dq[:, 0] / width) - np.tanh(dataset.dq[:, 0] / WIDTH)
     tau = dataset.tau.copy()
     tau[:, 0] += 0.1 * arm.torque(dataset.q, dataset.dq, dataset.ddq)[:, 0].std() * change
     got, names = selected(arm, replace(dataset, tau=tau))
     assert names == [set()] * N_JOINTS
-    first = next(p.term for p in got.friction.basis.terms if isinstance(p.term, Coulomb))
-    np.testing.assert_allclose(first.width, slow.width, rtol=0.1)
+    first = next(p.term for p in got.friction.basis.terms if p.term.kind is coulomb)
+    np.testing.assert_allclose(first.parameters['width'], width, rtol=0.1)
 
 
 def filtered(arm: RandomArm, speed: float, rate_hz: float = 200.0) -> Dataset:
@@ -319,7 +319,7 @@ def test_of_terms_that_predict_equally_well_the_usual_one_is_taken(
     chance = 0.05 * np.array([[1.0, 1.0, -1.0, -1.0] * 2]).T
     offers = [
         Candidate((DriveTerm(Drive.of_joint(joint), term),))
-        for joint, term in ((0, LoadCoulomb(0.1)), (other_joint, LoadViscous()))
+        for joint, term in ((0, load_coulomb(0.1)), (other_joint, load_viscous()))
     ]
     groups = [np.array([1]), np.array([2])]
     blocks = Known(usual, usual - better + chance)

@@ -13,7 +13,7 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
-from lip_id_ros.friction.terms import LoadCoulomb
+from lip_id_ros.friction.terms import load_coulomb
 from lip_id_ros.identification import factor_sum
 from lip_id_ros.identification.factor_sum import Gathering, statistics_of
 from lip_id_ros.identification.joint_rows import JointRows
@@ -31,7 +31,7 @@ def around_of(count: int = COUNT) -> tuple[Dataset, Linearisation]:
     around = linearisation_of(arm, data)
     noise = TorqueNoise(around.noise.std, np.linspace(0.5, 2.0, 3), np.full(3, 0.1))
     basis, coefficients = around.friction.basis, np.append(around.friction.coefficients, 0.1)
-    loaded = DriveTerm(Drive.of_joint(1), LoadCoulomb(0.05))
+    loaded = DriveTerm(Drive.of_joint(1), load_coulomb(0.05))
     model = FrictionModel(replace(basis, terms=(*basis.terms, loaded)), coefficients)
     return data, replace(around, noise=noise, friction=model)
 

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks._arms import random_arm
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.terms import Lag
+from lip_id_ros.friction.terms import lag
 from lip_id_ros.identification import lag_selection
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, ROUND
 from lip_id_ros.identification.arm_prior import links_torque
@@ -54,7 +54,7 @@ def fitted(dataset: Dataset) -> tuple[ArmFitter, ArmFit]:
 
 def late_joints(fit: ArmFit) -> list[int]:
     terms = fit.friction.basis.terms
-    return [part.drive.joints[0] for part in terms if isinstance(part.term, Lag)]
+    return [part.drive.joints[0] for part in terms if part.term.kind is lag]
 
 
 def test_a_joint_that_stands_still_has_no_late_friction() -> None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from friction.test_terms import lever_features
 from identification import springs
 import numpy as np
 import pytest
 
 from benchmarks._arms import random_arm
 from lip_id_ros.arrays import Array
-from lip_id_ros.friction.conservative_terms import lever_features, LeverSpring
+from lip_id_ros.friction.conservative_terms import lever_spring
+from lip_id_ros.friction.terms import Term
 from lip_id_ros.identification.arm_fit import ArmFit, ArmFitter, ROUND
 from lip_id_ros.identification.friction_selection import select_friction
 from lip_id_ros.identification.lever_search import best_lever, Explained, LeverSearch
@@ -35,8 +37,8 @@ def test_finds_the_shape(seed: int) -> None:
     clean = lever_features(q, *shape) @ [4.0, -1.0] + 2.0 * np.cos(q) + 0.3
     torque = clean + 1e-4 * rng.standard_normal(q.size)
     found = best_lever(explained(q, torque, 1.0), 0, q)
-    np.testing.assert_allclose(found.eccentricity, shape[0], atol=0.01)
-    np.testing.assert_allclose(found.dead_centre, shape[1], atol=0.01)
+    np.testing.assert_allclose(found.parameters['eccentricity'], shape[0], atol=0.01)
+    np.testing.assert_allclose(found.parameters['dead_centre'], shape[1], atol=0.01)
 
 
 def test_the_gain_is_that_of_a_plain_fit() -> None:
@@ -63,7 +65,7 @@ def test_the_gain_is_that_of_a_plain_fit() -> None:
     right = np.append(given.tau[:, 0] / noise, np.zeros(5))
     residual = (right - whole @ np.linalg.lstsq(whole, right, rcond=None)[0])[: q.size]
     left = noise * np.sqrt(np.mean(residual**2))
-    np.testing.assert_allclose(search.left(LeverSpring(0.5, 0.7)), left, rtol=1e-9)
+    np.testing.assert_allclose(search.left(lever_spring(0.5, 0.7)), left, rtol=1e-9)
 
 
 @pytest.mark.slow
@@ -90,14 +92,14 @@ def fitted() -> tuple[ArmFitter, ArmFit]:
     return fitter, fitter.refined(fitter.some(SAMPLES), start, ROUND)
 
 
-def springs_of(fit: ArmFit) -> list[LeverSpring]:
-    return [p.term for p in fit.friction.basis.terms if isinstance(p.term, LeverSpring)]
+def springs_of(fit: ArmFit) -> list[Term]:
+    return [p.term for p in fit.friction.basis.terms if p.term.kind is lever_spring]
 
 
-def with_springs(fit: ArmFit, shapes: list[LeverSpring]) -> ArmFit:
+def with_springs(fit: ArmFit, shapes: list[Term]) -> ArmFit:
     left = iter(shapes)
     terms = (
-        replace(part, term=next(left)) if isinstance(part.term, LeverSpring) else part
+        replace(part, term=next(left)) if part.term.kind is lever_spring else part
         for part in fit.friction.basis.terms
     )
     basis = replace(fit.friction.basis, terms=tuple(terms))
@@ -109,7 +111,7 @@ def test_steps_lead_back_to_the_shapes_of_two_springs() -> None:
     fitter, fit = fitted()
     found = springs_of(fit)
     assert len(found) == 2
-    wrong = [LeverSpring(x.eccentricity + 0.08, x.dead_centre - 0.05) for x in found]
+    wrong = [lever_spring(x.eccentricity + 0.08, x.dead_centre - 0.05) for x in found]
     start = fitter.refined(fitter.some(SAMPLES), with_springs(fit, wrong), ROUND)
     stepped = with_lever_steps(fitter, start)
     assert stepped.score < start.score

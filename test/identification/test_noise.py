@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from lip_id_ros.friction.dahl import Dahl
+from lip_id_ros.friction.basis import FrictionBasis
 from lip_id_ros.friction.dahl_friction import DahlFriction
 from lip_id_ros.friction.drives import Drive, DriveTerm
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import (
     estimate_noise,
     leverage_weights,
@@ -18,7 +18,7 @@ from lip_id_ros.friction.noise import (
     sticking_noise,
     TorqueNoise,
 )
-from lip_id_ros.friction.terms import Coulomb, LoadCoulomb, SaturatingViscous
+from lip_id_ros.friction.terms import coulomb, dahl, load_coulomb, saturating
 
 TRUTH = TorqueNoise(np.array([0.5, 2.0]), np.array([0.0, 8.0]), np.array([1.0, 0.1]))
 
@@ -47,7 +47,7 @@ def test_noise_of_measured_torques_is_the_same_as_in_numpy(seed: int, sticks: bo
 
 
 def test_a_joint_at_rest_may_have_any_friction_between_the_coulomb_torques() -> None:
-    terms = Coulomb(0.05), LoadCoulomb(0.05)
+    terms = coulomb(0.05), load_coulomb(0.05)
     basis = FrictionBasis(2, tuple(DriveTerm(Drive.of_joint(0), term) for term in terms))
     friction = FrictionModel(basis, np.array([3.0, 0.1]))
     q, load = np.zeros((4, 2)), np.full((4, 2), -20.0)
@@ -59,7 +59,7 @@ def test_a_joint_at_rest_may_have_any_friction_between_the_coulomb_torques() -> 
 
 
 def test_saturating_viscous_friction_holds_a_joint_that_sticks() -> None:
-    terms = Coulomb(0.05), SaturatingViscous(0.05)
+    terms = coulomb(0.05), saturating(0.05)
     basis = FrictionBasis(1, tuple(DriveTerm(Drive.of_joint(0), term) for term in terms))
     friction = FrictionModel(basis, np.array([1.0, 4.0, 0.0, 0.0]))
     zero = np.zeros((1, 1))
@@ -72,7 +72,7 @@ def test_a_joint_sticks_within_the_width_of_its_sign_and_near_rest(
     width: float, velocity: float
 ) -> None:
     """However wide the velocities with a little more noise, or however wide the sign."""
-    basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), Coulomb(width)),))
+    basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), coulomb(width)),))
     seen = TorqueNoise(np.array([0.1]), np.array([2.0]), np.array([velocity]))
     zero, slow = np.zeros((1, 1)), np.full((1, 1), 0.2)
     got = sticking_noise(seen, FrictionModel(basis, np.array([10.0])), zero, zero, zero)
@@ -81,7 +81,7 @@ def test_a_joint_sticks_within_the_width_of_its_sign_and_near_rest(
 
 
 def test_a_joint_may_stick_while_a_low_pass_blurs_the_sign_of_its_friction() -> None:
-    basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), Coulomb(0.001)),), 0.05)
+    basis = FrictionBasis(1, (DriveTerm(Drive.of_joint(0), coulomb(0.001)),), 0.05)
     friction, zero, slow = (
         FrictionModel(basis, np.ones(1)),
         np.zeros((1, 1)),
@@ -98,7 +98,7 @@ def test_a_joint_may_stick_while_a_low_pass_blurs_the_sign_of_its_friction() -> 
 def test_what_a_joint_remembers_of_its_friction_is_no_noise() -> None:
     drives = [Drive.of_joint(0), Drive.of_joint(1)]
     terms = tuple(
-        DriveTerm(drive, term) for drive in drives for term in (Coulomb(0.01), Dahl(0.01, 0.01))
+        DriveTerm(drive, term) for drive in drives for term in (coulomb(0.01), dahl(0.01, 0.01))
     )
     friction = FrictionModel(FrictionBasis(2, terms), np.array([3.0, 2.0, 3.0, 4.0]))
     past = DahlFriction.of(friction, np.zeros(2, dtype=bool))

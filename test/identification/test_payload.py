@@ -15,7 +15,8 @@ from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.export.arm import ArmDescription
 from lip_id_ros.export.payload import payload_in_flange
-from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.friction.basis import plain_friction
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.identification import payload_problem
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.payload import identify_payload, Payload

@@ -10,7 +10,7 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.model import plain_friction
+from lip_id_ros.friction.basis import plain_friction
 from lip_id_ros.health.effort_meaning import diagnose_effort
 from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_search import ArmSearch

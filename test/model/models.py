@@ -11,10 +11,11 @@ from kernels.cases import MEMBERS, R, random_chain, random_states
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.friction.drives import Drive, DriveTerm, LoadTorque
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel, plain_friction
+from lip_id_ros.friction.basis import FrictionBasis, plain_friction
+from lip_id_ros.friction.drives import Drive, DriveTerm
+from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
-from lip_id_ros.friction.terms import LoadCoulomb, Viscous
+from lip_id_ros.friction.terms import load_coulomb, load_torque, viscous
 from lip_id_ros.kernels import TorquePosterior, TorquePrior
 from lip_id_ros.kernels.program import without_potential
 from lip_id_ros.model import EffortCalibration, InverseDynamicsModel
@@ -121,9 +122,9 @@ def random_arm(types: tuple[str, ...], rng: np.random.Generator) -> ArmPosterior
     n = len(types)
     coupling = Coupling(n - 1, n - 2, -0.7)
     plain = plain_friction(n, (0.1 + rng.random(n)).tolist()).terms
-    load = DriveTerm(Drive.of_joint(0), LoadCoulomb(0.2))
-    coupled = DriveTerm(Drive((n - 1, 0), (1.0, -0.5)), Viscous())
-    effort = DriveTerm(Drive((n - 1, 0), (1.0, 0.0), (0.0, 1.0)), LoadTorque())
+    load = DriveTerm(Drive.of_joint(0), load_coulomb(0.2))
+    coupled = DriveTerm(Drive((n - 1, 0), (1.0, -0.5)), viscous())
+    effort = DriveTerm(Drive((n - 1, 0), (1.0, 0.0), (0.0, 1.0)), load_torque())
     basis = FrictionBasis(n, (*plain, load, coupled, effort))
     friction = FrictionModel(basis, rng.random(basis.size))
     root = 0.1 * rng.normal(size=(17 * n + basis.size, 5))

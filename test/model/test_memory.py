@@ -12,9 +12,11 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import ShapeError
 from lip_id_ros.evaluation.prediction import standard_deviation
-from lip_id_ros.friction.dahl import Dahl, LONGEST_GAP_S
+from lip_id_ros.friction.basis import plain_friction
+from lip_id_ros.friction.dahl import LONGEST_GAP_S
 from lip_id_ros.friction.drives import Drive, DriveTerm
-from lip_id_ros.friction.model import FrictionModel, plain_friction
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.friction.terms import dahl
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 
@@ -28,7 +30,7 @@ def model() -> InverseDynamicsModel:
     assert plain.arm is not None
     n = plain.n_joints
     basis = plain_friction(n, np.full(n, WIDTH))
-    term = DriveTerm(Drive.of_joint(0), Dahl(WIDTH, 1e-3))
+    term = DriveTerm(Drive.of_joint(0), dahl(WIDTH, 1e-3))
     basis = replace(basis, terms=(*basis.terms, term))
     coefficients = np.zeros(basis.size)
     coefficients[[1, -1]] = STRENGTH
@@ -140,7 +142,7 @@ def test_a_process_in_place_of_friction_has_no_memory(model: InverseDynamicsMode
     """The last joint has a process in place of links and friction, the first one beside them."""
     assert model.arm is not None
     friction, n = model.arm.friction, model.n_joints
-    last = DriveTerm(Drive.of_joint(n - 1), Dahl(WIDTH, 1e-3))
+    last = DriveTerm(Drive.of_joint(n - 1), dahl(WIDTH, 1e-3))
     basis = replace(friction.basis, terms=(*friction.basis.terms, last))
     both = FrictionModel(basis, np.append(friction.coefficients, STRENGTH))
     root = np.zeros((17 * n + basis.size, 1))

@@ -21,8 +21,8 @@ import pytest
 
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ShapeError
-from lip_id_ros.friction.drives import LoadTorque
 from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.friction.terms import load_torque
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
 from lip_id_ros.model.process_mean import evaluate_many, evaluate_one
@@ -136,7 +136,7 @@ def test_gravity_of_coupled_motors_is_that_of_their_efforts() -> None:
     assert model.arm is not None
     friction = model.arm.friction
     shares = [
-        isinstance(each.term, LoadTorque) * np.ones(each.size) for each in friction.basis.terms
+        (each.term.kind is load_torque) * np.ones(each.size) for each in friction.basis.terms
     ]
     free = FrictionModel(friction.basis, np.concatenate(shares) * friction.coefficients)
     still = replace(model, arm=replace(model.arm, friction=free)).predict(q, 0.0 * q, 0.0 * q)

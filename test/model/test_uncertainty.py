@@ -18,9 +18,10 @@ from torch_later import needs_torch, torch
 
 from lip_id_ros import numba_jit
 from lip_id_ros.arrays import Array
+from lip_id_ros.friction.basis import FrictionBasis
 from lip_id_ros.friction.drives import DriveTerm
-from lip_id_ros.friction.model import FrictionBasis, FrictionModel
-from lip_id_ros.friction.terms import Coulomb
+from lip_id_ros.friction.model import FrictionModel
+from lip_id_ros.friction.terms import coulomb
 from lip_id_ros.kernels import JointStates, TorquePrior, Weights
 from lip_id_ros.kernels.torque_process import BLOCK
 from lip_id_ros.model import InverseDynamicsModel, StandardDeviation
@@ -197,8 +198,8 @@ def widened(arm: ArmPosterior, by: Array) -> ArmPosterior:
     terms, factors = [], iter(np.exp(by).tolist())
     for part in arm.friction.basis.terms:
         term = part.term
-        if isinstance(term, Coulomb):
-            term = Coulomb(term.width * next(factors))
+        if term.kind is coulomb:
+            term = coulomb(term.parameters['width'] * next(factors))
         terms.append(DriveTerm(part.drive, term))
     basis = FrictionBasis(arm.friction.n_joints, tuple(terms))
     return replace(arm, friction=FrictionModel(basis, arm.friction.coefficients))
