@@ -64,8 +64,13 @@ def jit_reading(function: Function) -> Function:
 
 
 def jit_inlined(function: Function) -> Function:
-    """Compile a function into those that call it: for small ones with many arguments."""
-    wrap = numba.njit(error_model='numpy', nogil=True, forceinline=True)
+    """
+    Compile a function into those that call it: for small ones, or with many arguments.
+
+    It can be called from compiled functions alone, which leaves out half of the time to compile.
+    """
+    bare: Any = {'no_cpython_wrapper': True, 'no_cfunc_wrapper': True}
+    wrap = numba.njit(error_model='numpy', nogil=True, forceinline=True, **bare)
     return _cached(function, wrap(function))
 
 

@@ -12,14 +12,17 @@ from lip_id_ros.model.arm_mean import pack, unpack_friction
 from lip_id_ros.model.arm_posterior import ArmPosterior
 from lip_id_ros.numba_jit import in_threads, jit, jit_inlined
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
-from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
 from lip_id_ros.rigid_body.regressor import (
     kinetic_regressor,
     potential_regressor,
     torque_regressor,
 )
 from lip_id_ros.rigid_body.rnea import unpack_links
-from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
+from lip_id_ros.rigid_body.rnea_derivatives import (
+    DIRECTIONS,
+    energy_derivatives,
+    placement_derivatives,
+)
 
 FEW, CHUNK = 20, 2000
 """States whose deviations a compiled loop computes; of more, so many by one matrix product."""

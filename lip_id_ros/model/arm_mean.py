@@ -16,12 +16,14 @@ from lip_id_ros.model.residual_gp import add_means, ResidualGP, ResidualGPMean
 from lip_id_ros.model.torque_model import Parts
 from lip_id_ros.numba_jit import in_threads, jit
 from lip_id_ros.rigid_body.chain import LINK_PARAMETERS
+from lip_id_ros.rigid_body.motions import set_frames, VECTORS
+from lip_id_ros.rigid_body.regressor import potential_regressor
 from lip_id_ros.rigid_body.rnea import (
-    inertial_torque,
+    moving_torque,
     pack_links,
     rnea,
     unpack_links,
-    WORK_VECTORS,
+    weight_torque,
 )
 
 
@@ -38,7 +40,7 @@ class ArmMean:
         self._n = n = len(arm.links)
         floats, self._integers = pack(arm, friction)
         out = 4 * n + 2
-        self._memory = np.concatenate([np.zeros(3 * n + out + n * WORK_VECTORS * 3), floats])
+        self._memory = np.concatenate([np.zeros(3 * n + out + (n + 1) * VECTORS * 3), floats])
         self._floats = self._memory[-len(floats) :]
         self._q, self._dq, self._ddq = self._memory[: 3 * n].reshape(3, n)
         self._out = self._memory[3 * n : 3 * n + out]
@@ -84,6 +86,7 @@ class ChangingArmMean(ArmMean):
     def __init__(self, arm: ArmPosterior, residual_gp: ResidualGP | None) -> None:
         features = arm.friction.basis.compiled
         super().__init__(arm, features, residual_gp)
+        self._chain = arm.chain
         n, factors = self._n, features.factor
         self._links = self._floats[12 * n : (12 + LINK_PARAMETERS) * n]
         self._factors, self._units = self._floats[-len(factors) :], factors
@@ -98,12 +101,7 @@ class ChangingArmMean(ArmMean):
 
     def potential_slopes(self, q: Array) -> Array:
         """Return the slopes of the potential energy by the links at one position, (11 n,)."""
-        links, slopes = self._links.copy(), np.empty(self._links.size)
-        for k, unit in enumerate(np.eye(len(slopes))):
-            self._links[:] = unit
-            slopes[k] = self.one(q, *np.zeros((2, self._n)))[3]
-        self._links[:] = links
-        return slopes
+        return np.asarray(potential_regressor(self._chain, q[None])[0])
 
 
 def pack(arm: ArmPosterior, friction: CompiledFriction) -> tuple[Array, IntArray]:
@@ -175,10 +173,10 @@ def evaluate_in_memory(memory: Array, integers: IntArray) -> None:
     n = integers[0]
     q, dq, ddq = memory[:n], memory[n : 2 * n], memory[2 * n : 3 * n]
     out = memory[3 * n : 7 * n + 2]
-    end = 7 * n + 2 + n * WORK_VECTORS * 3
-    work = memory[7 * n + 2 : end].reshape(n, WORK_VECTORS, 3)
+    end = 7 * n + 2 + (n + 1) * VECTORS * 3
+    work = memory[7 * n + 2 : end].reshape(n + 1, VECTORS, 3)
     floats = memory[end:]
-    out[:] = 0.0
+    out[3 * n : 4 * n] = 0.0
     kinetic, gravity, friction = out[n : 2 * n], out[2 * n : 3 * n], out[3 * n : 4 * n]
     links = unpack_links(floats[: integers[1]], integers[4 : 4 + n])
     out[4 * n], out[4 * n + 1] = rnea(kinetic, gravity, links, work, q, dq, ddq)
@@ -213,17 +211,19 @@ def evaluate_arm_many(
     `out`, shape (N, 5 n + 2): torques, inertial, Coriolis, gravity and friction torques; T and V.
     """
     n = integers[0]
-    work = np.empty((n, WORK_VECTORS, 3))
+    work = np.empty((n + 1, VECTORS, 3))
     links = unpack_links(floats[: integers[1]], integers[4 : 4 + n])
     drives = unpack_friction(floats, integers)
     still = np.zeros(n)
     for t in range(len(out)):
         row = out[t]
-        row[:] = 0.0
+        row[4 * n : 5 * n] = 0.0
         load, inertial, coriolis = row[:n], row[n : 2 * n], row[2 * n : 3 * n]
         gravity, friction = row[3 * n : 4 * n], row[4 * n : 5 * n]
-        row[5 * n], row[5 * n + 1] = rnea(coriolis, gravity, links, work, q[t], dq[t], still)
-        inertial_torque(inertial, links, work, ddq[t])
+        set_frames(work, links.chain, q[t])
+        row[5 * n] = moving_torque(coriolis, links, work, dq[t], still)
+        row[5 * n + 1] = weight_torque(gravity, links, work)
+        moving_torque(inertial, links, work, still, ddq[t])
         for i in range(n):
             load[i] = inertial[i] + coriolis[i] + gravity[i]
         add_friction(drives, q[t], dq[t], ddq[t], load, friction)

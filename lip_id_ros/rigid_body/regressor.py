@@ -5,32 +5,32 @@ from __future__ import annotations
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.numba_jit import jit
+from lip_id_ros.numba_jit import jit, jit_inlined
 from lip_id_ros.rigid_body.chain import (
     add_coupled_rows,
-    add_joint_motion,
     base_acceleration,
     Chain,
-    joint_row,
-    joint_transform,
     LINK_PARAMETERS,
-    serial_motion,
+    ROTOR,
+)
+from lip_id_ros.rigid_body.motions import (
+    ACCELERATION,
+    AXIS,
+    frame_of,
+    set_accelerations,
+    set_frames,
+    set_velocities,
+    VECTORS,
+    VELOCITY,
 )
 from lip_id_ros.rigid_body.spatial import (
     add,
     cross,
     dot,
-    load_transform,
-    propagate_motion,
-    propagate_velocity,
-    SpatialMotion,
-    store_transform,
-    to_child,
-    Transform,
-    transform_wrench,
-    Vec3,
-    Wrench,
-    ZERO,
+    inwards,
+    load_twist,
+    Twist,
+    twist_into,
 )
 
 
@@ -39,35 +39,47 @@ def torque_regressor(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
     """Torques of unit parameters, shape (N, n, 11 n), at contiguous joint states (N, n)."""
     count, n = q.shape
     out = np.zeros((count, n, LINK_PARAMETERS * n))
-    faster = ddq
-    q, dq, ddq = (serial_motion(chain, q), serial_motion(chain, dq), serial_motion(chain, ddq))
-    transforms = np.empty((n, 4, 3))
-    columns = np.empty((6, LINK_PARAMETERS - 1))
+    work = np.empty((n + 1, VECTORS, 3))
+    wrenches = np.zeros((6, ROTOR))
     for t in range(count):
-        motion = SpatialMotion(ZERO, ZERO, base_acceleration(chain))
-        for j in range(n):
-            x = joint_transform(chain, j, q[t, j])
-            store_transform(transforms, j, x)
-            motion = add_joint_motion(
-                propagate_motion(motion, x), chain.prismatic[j], dq[t, j], ddq[t, j]
-            )
-            _wrench_columns(columns, motion)
-            for i in range(j, -1, -1):
-                row = joint_row(chain.prismatic[i])
-                for c in range(LINK_PARAMETERS - 1):
-                    out[t, i, LINK_PARAMETERS * j + c] = columns[row, c]
-                _transform_columns(columns, load_transform(transforms, i))
-        add_coupled_rows(out[t], chain)
-        for j in range(n):  # a rotor turns with its drive
-            out[t, j, LINK_PARAMETERS * (j + 1) - 1] = faster[t, j]
+        set_frames(work, chain, q[t])
+        set_velocities(work, chain, dq[t])
+        set_accelerations(work, chain, base_acceleration(chain), ddq[t])
+        set_torque_regressor(out[t], wrenches, work, chain, ddq[t])
     return out
 
 
-@jit
-def _wrench_columns(out: Array, motion: SpatialMotion) -> None:
-    """Set the wrenches (6, 10) of unit parameters of a link, torque before force."""
-    (w0, w1, w2), (a0, a1, a2), (d0, d1, d2) = motion
-    out[:] = 0.0
+@jit_inlined
+def set_torque_regressor(
+    out: Array, wrenches: Array, work: Array, chain: Chain, ddq: Array
+) -> None:
+    """Set torques of unit parameters, (n, 11 n), where they are not 0, by motions with gravity."""
+    n = len(ddq)
+    for j in range(n):
+        frame = frame_of(work, j + 1)
+        v = twist_into(frame, load_twist(work, j + 1, VELOCITY))
+        _set_unit_wrenches(wrenches, v, twist_into(frame, load_twist(work, j + 1, ACCELERATION)))
+        for i in range(j + 1):
+            (s0, s1, s2), (s3, s4, s5) = twist_into(frame, load_twist(work, i + 1, AXIS))
+            for c in range(ROTOR):
+                torque = s0 * wrenches[0, c] + s1 * wrenches[1, c] + s2 * wrenches[2, c]
+                force = s3 * wrenches[3, c] + s4 * wrenches[4, c] + s5 * wrenches[5, c]
+                out[i, LINK_PARAMETERS * j + c] = torque + force
+    add_coupled_rows(out, chain)
+    for j in range(n):  # a rotor turns with its drive
+        out[j, LINK_PARAMETERS * j + ROTOR] = ddq[j]
+
+
+@jit_inlined
+def _set_unit_wrenches(out: Array, v: Twist, a: Twist) -> None:
+    """
+    Set the wrenches (6, 10) of unit parameters of a link by its motion, torque before force.
+
+    With angular velocity w, its rate a, acceleration d of the origin, first moment h and inertia
+    I: force m d + a x h + w x (w x h), torque I a + w x I w + h x d.
+    """
+    (w0, w1, w2), (a0, a1, a2) = v.angular, a.angular
+    d0, d1, d2 = add(a.linear, cross(v.angular, v.linear))
     out[3, 0], out[4, 0], out[5, 0] = d0, d1, d2
     out[0, 2], out[0, 3] = d2, -d1
     out[1, 1], out[1, 3] = -d2, d0
@@ -84,42 +96,23 @@ def _wrench_columns(out: Array, motion: SpatialMotion) -> None:
 
 
 @jit
-def _transform_columns(columns: Array, x: Transform) -> None:
-    for c in range(LINK_PARAMETERS - 1):
-        torque = columns[0, c], columns[1, c], columns[2, c]
-        force = columns[3, c], columns[4, c], columns[5, c]
-        torque, force = transform_wrench(Wrench(torque, force), x)
-        columns[0, c], columns[1, c], columns[2, c] = torque
-        columns[3, c], columns[4, c], columns[5, c] = force
-
-
-@jit
 def kinetic_regressor(chain: Chain, q: Array, dq: Array) -> Array:
     """Kinetic energies of unit parameters at (N, n) positions and velocities, (N, 11 n)."""
     count, n = q.shape
-    out = np.zeros((count, LINK_PARAMETERS * n))
-    of_drives, q, dq = dq, serial_motion(chain, q), serial_motion(chain, dq)
+    out = np.empty((count, LINK_PARAMETERS * n))
+    work = np.empty((n + 1, VECTORS, 3))
     for t in range(count):
-        w = v = ZERO
+        set_frames(work, chain, q[t])
+        set_velocities(work, chain, dq[t])
         for j in range(n):
-            x = joint_transform(chain, j, q[t, j])
-            v = propagate_velocity(v, w, x)
-            w = to_child(x.rotation, w)
-            if chain.prismatic[j]:
-                v = add(v, (0.0, 0.0, dq[t, j]))
-            else:
-                w = add(w, (0.0, 0.0, dq[t, j]))
-            _kinetic(out[t, LINK_PARAMETERS * j :], w, v, of_drives[t, j])
+            w, v = twist_into(frame_of(work, j + 1), load_twist(work, j + 1, VELOCITY))
+            row = out[t, LINK_PARAMETERS * j :]
+            row[0] = 0.5 * dot(v, v)
+            row[1], row[2], row[3] = cross(v, w)
+            row[4], row[5], row[6] = 0.5 * w[0] * w[0], w[0] * w[1], w[0] * w[2]
+            row[7], row[8], row[9] = 0.5 * w[1] * w[1], w[1] * w[2], 0.5 * w[2] * w[2]
+            row[ROTOR] = 0.5 * dq[t, j] ** 2
     return out
-
-
-@jit
-def _kinetic(out: Array, w: Vec3, v: Vec3, dq: float) -> None:
-    out[0] = 0.5 * dot(v, v)
-    out[1], out[2], out[3] = cross(v, w)
-    out[4], out[5], out[6] = 0.5 * w[0] * w[0], w[0] * w[1], w[0] * w[2]
-    out[7], out[8], out[9] = 0.5 * w[1] * w[1], w[1] * w[2], 0.5 * w[2] * w[2]
-    out[10] = 0.5 * dq * dq
 
 
 @jit
@@ -127,14 +120,11 @@ def potential_regressor(chain: Chain, q: Array) -> Array:
     """Potential energies of unit parameters at (N, n) positions, shape (N, 11 n)."""
     count, n = q.shape
     out = np.zeros((count, LINK_PARAMETERS * n))
-    q = serial_motion(chain, q)
+    work, up = np.empty((n + 1, VECTORS, 3)), base_acceleration(chain)
     for t in range(count):
-        height, up = 0.0, base_acceleration(chain)
+        set_frames(work, chain, q[t])
         for j in range(n):
-            x = joint_transform(chain, j, q[t, j])
-            height += dot(up, x.translation)
-            up = to_child(x.rotation, up)
-            first = LINK_PARAMETERS * j
-            out[t, first] = height
-            out[t, first + 1], out[t, first + 2], out[t, first + 3] = up
+            frame, row = frame_of(work, j + 1), out[t, LINK_PARAMETERS * j :]
+            row[0] = dot(up, frame.translation)
+            row[1], row[2], row[3] = inwards(frame.rotation, up)
     return out

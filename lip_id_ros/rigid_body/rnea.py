@@ -9,43 +9,38 @@ import numpy as np
 from lip_id_ros.arrays import Array, IntArray
 from lip_id_ros.numba_jit import jit
 from lip_id_ros.rigid_body.chain import (
-    add_joint_motion,
-    add_torque,
+    add_coupled_rows,
     base_acceleration,
     Chain,
-    joint_component,
-    joint_transform,
     link_inertia,
     LINK_PARAMETERS,
     ROTOR,
-    serial_value,
+)
+from lip_id_ros.rigid_body.motions import (
+    ACCELERATION,
+    AXIS,
+    frame_of,
+    set_accelerations,
+    set_frames,
+    set_velocities,
+    VELOCITY,
 )
 from lip_id_ros.rigid_body.spatial import (
     add,
     add_wrenches,
     cross,
+    cross_wrench,
     dot,
     inertia_times,
-    load,
-    load_transform,
-    newton_euler,
-    propagate_motion,
-    propagate_velocity,
+    load_twist,
+    moment_in_base,
+    power,
     scale,
-    SpatialInertia,
-    SpatialMotion,
-    store,
-    store_transform,
-    to_child,
-    to_parent,
-    transform_wrench,
-    Vec3,
+    twist_into,
     Wrench,
+    wrench_out_of,
     ZERO,
 )
-
-TORQUE, FORCE, UP, WORK_VECTORS = 4, 5, 6, 7
-"""Places of a link's vectors in working memory, after its transform, and their number."""
 
 
 class Links(NamedTuple):
@@ -82,87 +77,50 @@ def rnea(
     tau: Array, gravity: Array, links: Links, work: Array, q: Array, dq: Array, ddq: Array
 ) -> tuple[float, float]:
     """
-    Return T and V; add the torques of T to `tau`, and those of V to `gravity`.
+    Return T and V; set `tau` to the torques of T, and `gravity` to those of V.
 
-    All vectors have shape (n,); the working memory has (n, 7, 3).
+    All vectors have shape (n,); `work` is that of `motions`.
     """
-    kinetic = _to_tip(links, work, q, dq, ddq)
-    return kinetic, _to_base(tau, gravity, links, work, ddq)
+    set_frames(work, links.chain, q)
+    return moving_torque(tau, links, work, dq, ddq), weight_torque(gravity, links, work)
 
 
 @jit
-def inertial_torque(tau: Array, links: Links, work: Array, ddq: Array) -> None:
-    """Add the inertial torques M(q) ddq at the position of the last `rnea`, with its memory."""
+def moving_torque(tau: Array, links: Links, work: Array, dq: Array, ddq: Array) -> float:
+    """
+    Return T, and set `tau` to its torques, without gravity, in frames that are set.
+
+    At dq = 0 they are the inertial torques M(q) ddq. A link with the spatial inertia I needs the
+    wrench I a + v x* I v (Featherstone, 2008, section 5.3), which the joints before it carry.
+    """
     chain, p = links
-    a = d = ZERO
-    n = len(ddq)
-    for i in range(n):
-        x = load_transform(work, i)
-        d = to_child(x.rotation, add(d, cross(a, x.translation)))
-        a = to_child(x.rotation, a)
-        faster = serial_value(chain, i, ddq)
-        if chain.prismatic[i]:
-            d = add(d, (0.0, 0.0, faster))
-        else:
-            a = add(a, (0.0, 0.0, faster))
-        body = link_inertia(p, i)
-        h = body.first_moment
-        store(work, i, TORQUE, add(inertia_times(body, a), cross(h, d)))
-        store(work, i, FORCE, add(scale(body.mass, d), cross(a, h)))
-    total = Wrench(ZERO, ZERO)
-    for i in range(n - 1, -1, -1):
-        total = add_wrenches(total, Wrench(load(work, i, TORQUE), load(work, i, FORCE)))
-        add_torque(tau, chain, i, joint_component(total, chain.prismatic[i]))
+    set_velocities(work, chain, dq)
+    set_accelerations(work, chain, ZERO, ddq)
+    total, kinetic = Wrench(ZERO, ZERO), 0.0
+    for i in range(len(tau) - 1, -1, -1):
+        frame, body = frame_of(work, i + 1), link_inertia(p, i)
+        v = twist_into(frame, load_twist(work, i + 1, VELOCITY))
+        a = twist_into(frame, load_twist(work, i + 1, ACCELERATION))
+        momentum = inertia_times(body, v)
+        wrench = add_wrenches(inertia_times(body, a), cross_wrench(v, momentum))
+        total = add_wrenches(total, wrench_out_of(frame, wrench))
+        tau[i] = power(load_twist(work, i + 1, AXIS), total)
+        kinetic += 0.5 * (power(v, momentum) + p[i, ROTOR] * dq[i] ** 2)
+    add_coupled_rows(tau.reshape(-1, 1), chain)
+    for i in range(len(tau)):  # a rotor turns with its drive
         tau[i] += p[i, ROTOR] * ddq[i]
-        total = transform_wrench(total, load_transform(work, i))
+    return kinetic
 
 
 @jit
-def _to_tip(links: Links, work: Array, q: Array, dq: Array, ddq: Array) -> float:
-    # Sets all of `work`; returns T. The motions leave gravity out.
+def weight_torque(gravity: Array, links: Links, work: Array) -> float:
+    """Return V, and set `gravity` to its torques, in frames that are set."""
     chain, p = links
-    v, up = ZERO, base_acceleration(chain)
-    motion = SpatialMotion(ZERO, ZERO, ZERO)
-    total = 0.0
-    for i in range(p.shape[0]):
-        x = joint_transform(chain, i, serial_value(chain, i, q))
-        rate, change = serial_value(chain, i, dq), serial_value(chain, i, ddq)
-        v = propagate_velocity(v, motion.angular_velocity, x)
-        if chain.prismatic[i]:
-            v = add(v, (0.0, 0.0, rate))
-        motion = add_joint_motion(propagate_motion(motion, x), chain.prismatic[i], rate, change)
-        up = to_child(x.rotation, up)
-        body = link_inertia(p, i)
-        total += _kinetic(body, motion.angular_velocity, v) + 0.5 * p[i, ROTOR] * dq[i] ** 2
-        wrench = newton_euler(body, motion)
-        store_transform(work, i, x)
-        store(work, i, TORQUE, wrench.torque)
-        store(work, i, FORCE, wrench.force)
-        store(work, i, UP, up)
-    return total
-
-
-@jit
-def _kinetic(body: SpatialInertia, w: Vec3, v: Vec3) -> float:
-    squares = body.mass * dot(v, v) + dot(w, inertia_times(body, w))
-    return 0.5 * squares + dot(v, cross(w, body.first_moment))
-
-
-@jit
-def _to_base(tau: Array, gravity: Array, links: Links, work: Array, ddq: Array) -> float:
-    # Returns V.
-    chain, p = links
-    total, mass, moment = Wrench(ZERO, ZERO), 0.0, ZERO
-    for i in range(p.shape[0] - 1, -1, -1):
-        total = add_wrenches(total, Wrench(load(work, i, TORQUE), load(work, i, FORCE)))
-        body = link_inertia(p, i)
-        mass, moment = mass + body.mass, add(moment, body.first_moment)
-        up = load(work, i, UP)
+    up, mass, moment = base_acceleration(chain), 0.0, ZERO
+    for i in range(len(gravity) - 1, -1, -1):
+        frame, body = frame_of(work, i + 1), link_inertia(p, i)
+        mass, moment = mass + body.mass, add(moment, moment_in_base(body, frame))
         weight = Wrench(cross(moment, up), scale(mass, up))
-        add_torque(tau, chain, i, joint_component(total, chain.prismatic[i]))
-        tau[i] += p[i, ROTOR] * ddq[i]
-        add_torque(gravity, chain, i, joint_component(weight, chain.prismatic[i]))
-        x = load_transform(work, i)
-        total = transform_wrench(total, x)
-        moment = add(to_parent(x.rotation, moment), scale(mass, x.translation))
-    return dot(base_acceleration(chain), moment)
+        gravity[i] = power(load_twist(work, i + 1, AXIS), weight)
+    add_coupled_rows(gravity.reshape(-1, 1), chain)
+    return dot(up, moment)

@@ -1,8 +1,9 @@
 """
-Derivatives of the recursive Newton-Euler algorithm by the placements (maths.md, section 10).
+Derivatives of torques and energies by the placements of the joints (maths.md, section 10).
 
-The change of a wrench by a link's motion is a matrix of 6 x 9, summed from the tip to the base
-like composite inertias (Featherstone, Rigid Body Dynamics Algorithms, 2008, section 6.2).
+A placement displaces a link and all that it carries, like a joint at rest before the link's own.
+So its derivatives are those by the positions of joints (Singh, Russell and Wensing, IEEE Robotics
+and Automation Letters, 2022), by sums over the links that it carries.
 """
 
 from __future__ import annotations
@@ -12,62 +13,84 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.numba_jit import jit_inlined, jit_reading
+from lip_id_ros.numba_jit import jit, jit_inlined, jit_reading
 from lip_id_ros.rigid_body.chain import (
     add_coupled_rows,
-    add_joint_motion,
     base_acceleration,
     Chain,
-    joint_row,
-    joint_transform,
     link_inertia,
-    serial_motion,
+)
+from lip_id_ros.rigid_body.motions import (
+    ACCELERATION,
+    AXIS,
+    frame_of,
+    placement,
+    rotation_about,
+    set_accelerations,
+    set_frames,
+    set_velocities,
+    VECTORS,
+    VELOCITY,
 )
 from lip_id_ros.rigid_body.spatial import (
     add,
+    add_matrices,
+    add_twists,
     add_wrenches,
     cross,
+    cross_twists,
+    cross_wrench,
+    diagonal,
     dot,
     inertia_times,
+    inwards,
     load,
-    load_transform,
-    newton_euler,
-    propagate_motion,
+    load_twist,
+    Mat3,
+    moment_in_base,
+    outer,
+    outwards,
+    power,
+    scale,
     SpatialInertia,
-    SpatialMotion,
     store,
-    store_transform,
-    to_child,
-    to_parent,
+    store_twist,
+    trace,
     Transform,
-    transform_wrench,
+    Twist,
+    twist_into,
     Vec3,
     Wrench,
+    wrench_out_of,
     ZERO,
 )
 
 DIRECTIONS = 6
 """Of a placement: three rotations about its own axes, three shifts of its origin."""
 
+TURNING, MOVING, SLOPES = 0, 1, 3
+"""Places of a torque's slopes by `Composite`, and their number."""
 
-class Workspace(NamedTuple):
+
+class Composite(NamedTuple):
     """
-    Working memory.
+    A link and all that it carries, in the frame of the base.
 
-    All links of a chain at one joint state. A frame changes by the directions of its placement:
-    rotation in the link, translation in the parent.
+    Of their points with mass m, position r and velocity u.
     """
 
-    transforms: Array  # (n, 4, 3)
-    parent_motions: Array  # (n + 1, 3, 3), without the own joint; row 0 the base
-    motions: Array  # (n + 1, 3, 3), with it
-    wrenches: Array  # (n, 2, 3), of a link and all that it carries
-    frame_change: Array  # (6, 6), by the directions
-    motion_changes: Array  # (n, 9, 6), of motions without the own joint
-    composites: Array  # (n, 6, 9), of wrenches, by these motions
-    carried: Array  # (6, 9), composite of the next link by this motion
-    own_changes: Array  # (n, 6, 6), of a wrench by its own placement
-    base_changes: Array  # (n, 6, 6), the same in the parent's frame
+    inertia: SpatialInertia
+    momentum: Wrench
+    flow: Mat3  # sum of m u r^T, columns
+    wrench: Wrench  # that gives them their motion
+
+
+NOTHING = Composite(
+    SpatialInertia(0.0, ZERO, (ZERO, ZERO, ZERO)),
+    Wrench(ZERO, ZERO),
+    (ZERO, ZERO, ZERO),
+    Wrench(ZERO, ZERO),
+)
 
 
 @jit_reading
@@ -81,251 +104,160 @@ def placement_derivatives(
     times a small rotation about the axes of its own frame) and translations.
     """
     count, n = q.shape
-    out = np.zeros((count, n, n, DIRECTIONS))
-    q, dq, ddq = (serial_motion(chain, q), serial_motion(chain, dq), serial_motion(chain, ddq))
-    work = Workspace(
-        np.empty((n, 4, 3)),
-        np.empty((n + 1, 3, 3)),
-        np.empty((n + 1, 3, 3)),
-        np.empty((n, 2, 3)),
-        np.empty((6, DIRECTIONS)),
-        np.empty((n, 9, DIRECTIONS)),
-        np.empty((n, 6, 9)),
-        np.empty((6, 9)),
-        np.empty((n, 6, DIRECTIONS)),
-        np.empty((n, 6, DIRECTIONS)),
-    )
+    out = np.empty((count, n, n, DIRECTIONS))
+    work = np.empty((n + 1, VECTORS, 3))
+    directions, slopes = np.empty((DIRECTIONS, 2, 3)), np.empty((n, SLOPES, 3))
     for t in range(count):
-        _motions_and_wrenches(work, chain, parameters, q[t], dq[t], ddq[t])
-        for i in range(n - 1, -1, -1):
-            _composite(work, chain, parameters, i, dq[t, i])
-            _frame_change(work.frame_change, chain, i, q[t, i])
-            _motion_change(work, i)
-            _own_change(work, i)
-            _change_at_the_joint(work, i)
-        for j in range(n):
-            _torque_by_own_and_carrying(out[t, j], work, chain, j, dq[t])
-            _torque_by_carried(out[t, j], work, chain, j)
+        set_frames(work, chain, q[t])
+        set_velocities(work, chain, dq[t])
+        set_accelerations(work, chain, base_acceleration(chain), ddq[t])
+        carried = NOTHING
+        for j in range(n - 1, -1, -1):
+            carried = _with_link(carried, parameters, work, j)
+            _set_slopes(slopes, j, carried, load_twist(work, j + 1, AXIS))
+            _set_directions(directions, chain, work, j)
+            for d in range(DIRECTIONS):
+                _set_changes(
+                    out[t, :, j, d], carried, slopes, work, j, load_twist(directions, d, 0)
+                )
         add_coupled_rows(out[t].reshape(n, -1), chain)
     return out
 
 
-@jit_inlined
-def _motions_and_wrenches(
-    work: Workspace, chain: Chain, parameters: Array, q: Array, dq: Array, ddq: Array
-) -> None:
-    n = len(q)
-    motion = SpatialMotion(ZERO, ZERO, base_acceleration(chain))
-    _store_motion(work.motions, 0, motion)
-    for i in range(n):
-        x = joint_transform(chain, i, q[i])
-        store_transform(work.transforms, i, x)
-        motion = propagate_motion(motion, x)
-        _store_motion(work.parent_motions, i + 1, motion)
-        motion = add_joint_motion(motion, chain.prismatic[i], dq[i], ddq[i])
-        _store_motion(work.motions, i + 1, motion)
-    total = Wrench(ZERO, ZERO)
-    for i in range(n - 1, -1, -1):
-        total = add_wrenches(
-            total, newton_euler(link_inertia(parameters, i), _motion(work.motions, i + 1))
-        )
-        store(work.wrenches, i, 0, total.torque)
-        store(work.wrenches, i, 1, total.force)
-        total = transform_wrench(total, load_transform(work.transforms, i))
-
-
-@jit_inlined
-def _frame_change(change: Array, chain: Chain, i: int, q: float) -> None:
-    change[:] = 0.0
-    for d in range(3):
-        change[3 + d, 3 + d] = 1.0
-        unit = 1.0 * (d == 0), 1.0 * (d == 1), 1.0 * (d == 2)
-        if chain.prismatic[i]:  # it slides along an axis that turns
-            _put(change, 0, d, unit)
-            _put(
-                change,
-                3,
-                d,
-                to_parent(joint_transform(chain, i, 0.0).rotation, cross(unit, (0.0, 0.0, q))),
-            )
-        else:
-            c, s = np.cos(q), np.sin(q)
-            _put(change, 0, d, (c * unit[0] + s * unit[1], c * unit[1] - s * unit[0], unit[2]))
-
-
-@jit_inlined
-def _composite(work: Workspace, chain: Chain, parameters: Array, i: int, dq: float) -> None:
-    composite, w = work.composites[i], load(work.motions, i + 1, 0)
-    _newton_euler_slopes(composite, link_inertia(parameters, i), w)
-    if i + 1 < len(work.composites):
-        x = load_transform(work.transforms, i + 1)
-        for k in range(6):
-            _set_row(work.carried, k, _before_the_frame(_row(work.composites[i + 1], k), w, x))
-        _add_of_child(composite, work.carried, x)
-    for k in range(6):
-        _set_row(composite, k, _before_the_joint(_row(composite, k), chain.prismatic[i], dq))
-
-
-@jit_inlined
-def _newton_euler_slopes(out: Array, body: SpatialInertia, w: Vec3) -> None:
-    """Set the derivatives of a wrench by `newton_euler` by the motion, shape (6, 9)."""
-    h, momentum = body.first_moment, inertia_times(body, w)
-    along = cross(w, h)
-    out[:] = 0.0
-    for k in range(3):
-        unit = 1.0 * (k == 0), 1.0 * (k == 1), 1.0 * (k == 2)
-        column = inertia_times(body, unit)
-        moment = cross(h, unit)
-        _put(out, 0, k, add(cross(unit, momentum), cross(w, column)))
-        _put(out, 3, k, add(cross(unit, along), cross(w, cross(unit, h))))
-        _put(out, 0, 3 + k, column)
-        _put(out, 3, 3 + k, (-moment[0], -moment[1], -moment[2]))
-        _put(out, 0, 6 + k, moment)
-        out[3 + k, 6 + k] = body.mass
-
-
-@jit_inlined
-def _add_of_child(composite: Array, carried: Array, x: Transform) -> None:
-    """Add the wrenches of the child, in the columns of (6, 9), in the frame of its parent."""
-    for c in range(9):
-        wrench = transform_wrench(Wrench(_get(carried, 0, c), _get(carried, 3, c)), x)
-        _put(composite, 0, c, add(_get(composite, 0, c), wrench.torque))
-        _put(composite, 3, c, add(_get(composite, 3, c), wrench.force))
-
-
-@jit_inlined
-def _before_the_frame(row: SpatialMotion, w: Vec3, x: Transform) -> SpatialMotion:
+@jit
+def energy_derivatives(
+    chain: Chain, parameters: Array, q: Array, dq: Array
+) -> tuple[Array, Array]:
     """
-    Return the slope by the motion of a link from that by the motion of a frame fixed to it.
+    Differentiate both energies by the placements of the joints, at contiguous q and dq (N, n).
 
-    The transpose of the derivative of `propagate_motion`, for a link with angular velocity w.
+    The result has shape (N, n, 6): by each joint's rotations (its rotation matrix times a small
+    rotation about the axes of its own frame) and translations.
     """
-    by_w = to_parent(x.rotation, row.angular_velocity)
-    by_a = to_parent(x.rotation, row.angular_acceleration)
-    by_d = to_parent(x.rotation, row.linear_acceleration)
-    r = x.translation
-    centripetal = add(cross(r, cross(by_d, w)), cross(cross(w, r), by_d))
-    return SpatialMotion(add(by_w, centripetal), add(by_a, cross(r, by_d)), by_d)
+    count, n = q.shape
+    kinetic, potential = np.empty((count, n, DIRECTIONS)), np.empty((count, n, DIRECTIONS))
+    work, directions = np.empty((n + 1, VECTORS, 3)), np.empty((DIRECTIONS, 2, 3))
+    up = base_acceleration(chain)
+    for t in range(count):
+        set_frames(work, chain, q[t])
+        set_velocities(work, chain, dq[t])
+        momentum, mass, moment = Wrench(ZERO, ZERO), 0.0, ZERO  # of what joint j carries
+        for j in range(n - 1, -1, -1):
+            frame, body = frame_of(work, j + 1), link_inertia(parameters, j)
+            v = twist_into(frame, load_twist(work, j + 1, VELOCITY))
+            momentum = add_wrenches(momentum, wrench_out_of(frame, inertia_times(body, v)))
+            mass, moment = mass + body.mass, add(moment, moment_in_base(body, frame))
+            weight = Wrench(cross(moment, up), scale(mass, up))
+            _set_directions(directions, chain, work, j)
+            for d in range(DIRECTIONS):
+                along, before = load_twist(directions, d, 0), load_twist(work, j, VELOCITY)
+                kinetic[t, j, d] = power(cross_twists(before, along), momentum)
+                potential[t, j, d] = power(along, weight)
+    return kinetic, potential
 
 
 @jit_inlined
-def _before_the_joint(row: SpatialMotion, prismatic: bool, dq: float) -> SpatialMotion:
-    """Return the slope by the motion without a link's own joint: transpose of its derivative."""
-    by_w, by_a, by_d = row
-    of = by_d if prismatic else by_a
-    speed = 2.0 * dq if prismatic else dq
-    return SpatialMotion((by_w[0] - speed * of[1], by_w[1] + speed * of[0], by_w[2]), by_a, by_d)
+def _set_directions(out: Array, chain: Chain, work: Array, j: int) -> None:
+    """Set the twists of a unit change of placement j, shape (6, 2, 3)."""
+    before = frame_of(work, j)
+    (x, y, z), origin = placement(chain, j, before)
+    store_twist(out, 0, 0, rotation_about(x, origin))
+    store_twist(out, 1, 0, rotation_about(y, origin))
+    store_twist(out, 2, 0, rotation_about(z, origin))
+    x, y, z = before.rotation
+    store_twist(out, 3, 0, Twist(ZERO, x))
+    store_twist(out, 4, 0, Twist(ZERO, y))
+    store_twist(out, 5, 0, Twist(ZERO, z))
 
 
 @jit_inlined
-def _motion_change(work: Workspace, i: int) -> None:
-    before, own = _motion(work.motions, i), _motion(work.parent_motions, i + 1)
-    axes, w = load_transform(work.transforms, i).rotation, before.angular_velocity
-    change = work.motion_changes[i]
-    for d in range(DIRECTIONS):
-        axis, shift = _get(work.frame_change, 0, d), _get(work.frame_change, 3, d)
-        linear = add(cross(w, cross(w, shift)), cross(before.angular_acceleration, shift))
-        _put(change, 0, d, cross(own.angular_velocity, axis))
-        _put(change, 3, d, cross(own.angular_acceleration, axis))
-        _put(change, 6, d, add(cross(own.linear_acceleration, axis), to_child(axes, linear)))
-
-
-@jit_inlined
-def _own_change(work: Workspace, i: int) -> None:
-    composite, change, own = work.composites[i], work.motion_changes[i], work.own_changes[i]
-    for k in range(6):
-        _set_products(own[k], _row(composite, k), change)
-
-
-@jit_inlined
-def _set_products(out: Array, row: SpatialMotion, change: Array) -> None:
-    """Set the products of a slope with changes of a motion, of which shifts are linear alone."""
-    for d in range(3):
-        turned = dot(row.angular_velocity, _get(change, 0, d))
-        turned += dot(row.angular_acceleration, _get(change, 3, d))
-        out[d] = turned + dot(row.linear_acceleration, _get(change, 6, d))
-        out[3 + d] = dot(row.linear_acceleration, _get(change, 6, 3 + d))
-
-
-@jit_inlined
-def _change_at_the_joint(work: Workspace, i: int) -> None:
-    # The frame of link i rotates together with the wrench on it, and its origin moves.
-    x, own, at_base = load_transform(work.transforms, i), work.own_changes[i], work.base_changes[i]
-    whole = Wrench(load(work.wrenches, i, 0), load(work.wrenches, i, 1))
-    force = to_parent(x.rotation, whole.force)
-    for d in range(DIRECTIONS):
-        axis, shift = _get(work.frame_change, 0, d), _get(work.frame_change, 3, d)
-        turned = Wrench(cross(axis, whole.torque), cross(axis, whole.force))
-        change = add_wrenches(Wrench(_get(own, 0, d), _get(own, 3, d)), turned)
-        found = add_wrenches(transform_wrench(change, x), Wrench(cross(shift, force), ZERO))
-        _put(at_base, 0, d, found.torque)
-        _put(at_base, 3, d, found.force)
-
-
-@jit_inlined
-def _torque_by_own_and_carrying(
-    out: Array, work: Workspace, chain: Chain, j: int, dq: Array
+def _set_changes(
+    out: Array, carried: Composite, slopes: Array, work: Array, j: int, along: Twist
 ) -> None:
-    """Set the changes of torque j by the placements of its own link and of those before it."""
-    component = joint_row(chain.prismatic[j])
-    for d in range(DIRECTIONS):
-        out[j, d] = work.own_changes[j, component, d]
-    row = _row(work.composites[j], component)
-    for i in range(j - 1, -1, -1):
-        x = load_transform(work.transforms, i + 1)
-        row = _before_the_frame(row, load(work.motions, i + 1, 0), x)
-        row = _before_the_joint(row, chain.prismatic[i], dq[i])
-        _set_products(out[i], row, work.motion_changes[i])
+    """
+    Set the changes of torques, (n,), by a displacement of what joint j carries.
+
+    Seen from there it is the base that moves: with the motion v, a of the link before, by the
+    twist w = v x `along` and the acceleration a x `along` + v x w. A point with velocity u is
+    accelerated by that and by 2 w x u. The joints before turn the wrench of it all too.
+    """
+    v, a = load_twist(work, j, VELOCITY), load_twist(work, j, ACCELERATION)
+    moving = cross_twists(v, along)
+    faster = add_twists(cross_twists(a, along), 1.0, cross_twists(v, moving))
+    change = add_wrenches(
+        _coriolis(carried, moving.angular), inertia_times(carried.inertia, faster)
+    )
+    change = add_wrenches(change, cross_wrench(along, carried.wrench))
+    for i in range(j):
+        out[i] = power(load_twist(work, i + 1, AXIS), change)
+    for i in range(j, len(out)):
+        out[i] = dot(load(slopes, i, TURNING), moving.angular)
+        out[i] += dot(load(slopes, i, MOVING), faster.angular)
+        out[i] += dot(load(slopes, i, MOVING + 1), faster.linear)
 
 
 @jit_inlined
-def _torque_by_carried(out: Array, work: Workspace, chain: Chain, j: int) -> None:
-    """Set the changes of torque j by the placements of the links beyond it."""
-    by_torque, by_force = ZERO, (0.0, 0.0, 1.0)
-    if not chain.prismatic[j]:
-        by_torque, by_force = by_force, by_torque
-    for i in range(j + 1, len(out)):
-        change = work.base_changes[i]
-        for d in range(DIRECTIONS):
-            out[i, d] = dot(by_torque, _get(change, 0, d)) + dot(by_force, _get(change, 3, d))
-        x = load_transform(work.transforms, i)  # transpose of `transform_wrench`
-        by_force = to_child(x.rotation, add(by_force, cross(by_torque, x.translation)))
-        by_torque = to_child(x.rotation, by_torque)
+def _coriolis(carried: Composite, w: Vec3) -> Wrench:
+    """Return the sum of m 2 w x u: torque 2 (tr A - A) w by the flow A, force 2 w x p."""
+    flow, p = carried.flow, carried.momentum.force
+    torque = add(scale(trace(flow), w), scale(-1.0, outwards(flow, w)))
+    return Wrench(scale(2.0, torque), scale(2.0, cross(w, p)))
 
 
 @jit_inlined
-def _row(array: Array, k: int) -> SpatialMotion:
-    return SpatialMotion(
-        (array[k, 0], array[k, 1], array[k, 2]),
-        (array[k, 3], array[k, 4], array[k, 5]),
-        (array[k, 6], array[k, 7], array[k, 8]),
+def _set_slopes(out: Array, j: int, carried: Composite, axis: Twist) -> None:
+    """Set the slopes of torque j by w and the acceleration of what it carries: transposes."""
+    flow, p, s = carried.flow, carried.momentum.force, axis.angular
+    torque = add(scale(trace(flow), s), scale(-1.0, inwards(flow, s)))
+    store(out, j, TURNING, scale(2.0, add(torque, cross(p, axis.linear))))
+    inertial = inertia_times(carried.inertia, axis)
+    store(out, j, MOVING, inertial.torque)
+    store(out, j, MOVING + 1, inertial.force)
+
+
+@jit_inlined
+def _with_link(carried: Composite, parameters: Array, work: Array, j: int) -> Composite:
+    body = _in_base(link_inertia(parameters, j), frame_of(work, j + 1))
+    v, a = load_twist(work, j + 1, VELOCITY), load_twist(work, j + 1, ACCELERATION)
+    momentum = inertia_times(body, v)
+    wrench = add_wrenches(inertia_times(body, a), cross_wrench(v, momentum))
+    mass, moment, inertia = carried.inertia
+    whole = SpatialInertia(
+        mass + body.mass,
+        add(moment, body.first_moment),
+        add_matrices(inertia, body.inertia),
+    )
+    return Composite(
+        whole,
+        add_wrenches(carried.momentum, momentum),
+        add_matrices(carried.flow, _flow(body, v)),
+        add_wrenches(carried.wrench, wrench),
     )
 
 
 @jit_inlined
-def _set_row(array: Array, k: int, row: SpatialMotion) -> None:
-    array[k, 0], array[k, 1], array[k, 2] = row.angular_velocity
-    array[k, 3], array[k, 4], array[k, 5] = row.angular_acceleration
-    array[k, 6], array[k, 7], array[k, 8] = row.linear_acceleration
+def _flow(body: SpatialInertia, v: Twist) -> Mat3:
+    """Return the sum of m u r^T, by u = l + w x r: l h^T + w x (tr I / 2 - I)."""
+    h, i, w = body.first_moment, body.inertia, v.angular
+    x, y, z = add_matrices(diagonal(-0.5 * trace(i)), i)
+    turning = cross(x, w), cross(y, w), cross(z, w)
+    return add_matrices(outer(v.linear, h), turning)
 
 
 @jit_inlined
-def _get(array: Array, row: int, d: int) -> Vec3:
-    return array[row, d], array[row + 1, d], array[row + 2, d]
+def _in_base(body: SpatialInertia, frame: Transform) -> SpatialInertia:
+    """
+    Return the inertia of a link in the frame of the base.
 
-
-@jit_inlined
-def _put(array: Array, row: int, d: int, a: Vec3) -> None:
-    array[row, d], array[row + 1, d], array[row + 2, d] = a
-
-
-@jit_inlined
-def _motion(array: Array, i: int) -> SpatialMotion:
-    return SpatialMotion(load(array, i, 0), load(array, i, 1), load(array, i, 2))
-
-
-@jit_inlined
-def _store_motion(array: Array, i: int, motion: SpatialMotion) -> None:
-    store(array, i, 0, motion.angular_velocity)
-    store(array, i, 1, motion.angular_acceleration)
-    store(array, i, 2, motion.linear_acceleration)
+    With its origin p and moment h there: moment g = h + m p, inertia R I R^T + (p h + p g) 1 -
+    p g^T - h p^T.
+    """
+    rotation, p = frame
+    h, g = outwards(rotation, body.first_moment), moment_in_base(body, frame)
+    i, (x, y, z) = body.inertia, rotation
+    turned = add_matrices(outer(outwards(rotation, i[0]), x), outer(outwards(rotation, i[1]), y))
+    turned = add_matrices(turned, outer(outwards(rotation, i[2]), z))
+    minus = scale(-1.0, p)
+    shift = add_matrices(diagonal(dot(p, h) + dot(p, g)), outer(minus, g))
+    shift = add_matrices(shift, outer(h, minus))
+    return SpatialInertia(body.mass, g, add_matrices(turned, shift))

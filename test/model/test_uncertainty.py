@@ -28,8 +28,8 @@ from lip_id_ros.model import InverseDynamicsModel, StandardDeviation
 from lip_id_ros.model.arm_deviation import ArmDeviation, FEW
 from lip_id_ros.model.arm_posterior import ArmPosterior, compacted
 from lip_id_ros.model.inverse_dynamics_model import ARTICULATED
-from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
 from lip_id_ros.rigid_body.regressor import kinetic_regressor, potential_regressor
+from lip_id_ros.rigid_body.rnea_derivatives import energy_derivatives
 
 States = tuple[Array, Array, Array]
 

@@ -20,14 +20,14 @@ from lip_id_ros.rigid_body.couplings import (
     read_couplings,
     rows_of,
 )
-from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
+from lip_id_ros.rigid_body.motions import VECTORS
 from lip_id_ros.rigid_body.regressor import (
     kinetic_regressor,
     potential_regressor,
     torque_regressor,
 )
-from lip_id_ros.rigid_body.rnea import inertial_torque, Links, rnea, WORK_VECTORS
-from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
+from lip_id_ros.rigid_body.rnea import Links, moving_torque, rnea
+from lip_id_ros.rigid_body.rnea_derivatives import energy_derivatives, placement_derivatives
 
 CASES = {
     'RRRR': (Coupling(2, 1, -1.0),),
@@ -113,11 +113,11 @@ def test_recursion_gives_torques_and_energies_of_the_regressors(arm: str) -> Non
     )
     weight = torque_regressor(chain, states[0], still, still) @ p
     inertial = torque_regressor(chain, states[0], still, states[2]) @ p - weight
-    work = np.empty((n, WORK_VECTORS, 3))
+    work = np.empty((n + 1, VECTORS, 3))
     for t in range(4):
         own, gravity, accelerating = np.zeros((3, n))
         energies = rnea(own, gravity, Links(chain, links), work, *states[:, t])
-        inertial_torque(accelerating, Links(chain, links), work, states[2, t])
+        moving_torque(accelerating, Links(chain, links), work, still[t], states[2, t])
         np.testing.assert_allclose(own + gravity, tau[t], atol=1e-11)
         np.testing.assert_allclose(gravity, weight[t], atol=1e-11)
         np.testing.assert_allclose(accelerating, inertial[t], atol=1e-11)

@@ -4,16 +4,16 @@ from kernels.cases import P, R
 from kernels.cases import random_chain as random_chain_of
 import numpy as np
 import pytest
+from rigid_body.arms import random_bodies
 from scipy.spatial.transform import Rotation
 
 from lip_id_ros.rigid_body import Chain, LINK_PARAMETERS
-from lip_id_ros.rigid_body.energy_derivatives import energy_derivatives
 from lip_id_ros.rigid_body.regressor import (
     kinetic_regressor,
     potential_regressor,
     torque_regressor,
 )
-from lip_id_ros.rigid_body.rnea_derivatives import placement_derivatives
+from lip_id_ros.rigid_body.rnea_derivatives import energy_derivatives, placement_derivatives
 
 pinocchio = pytest.importorskip('pinocchio')
 
@@ -120,3 +120,38 @@ def test_sensitivity_of_torques_to_placements(arm: str) -> None:
         for direction in range(6):
             slope = (torques(i, direction, step) - torques(i, direction, -step)) / (2 * step)
             np.testing.assert_allclose(found[:, :, i, direction], slope, atol=1e-6)
+
+
+def with_resting_joint(chain: Chain, links: np.ndarray, j: int, direction: int) -> object:
+    """Return a model of pinocchio with one more joint that displaces placement j."""
+    model = pinocchio.Model()
+    model.gravity.linear = chain.gravity
+    kinds = 'RX', 'RY', 'RZ', 'PX', 'PY', 'PZ'
+    resting = getattr(pinocchio, f'JointModel{kinds[direction]}')()
+    here, last = pinocchio.SE3.Identity(), 0
+    for i, slides in enumerate(chain.prismatic):
+        joint = pinocchio.JointModelPZ() if slides else pinocchio.JointModelRZ()
+        place = pinocchio.SE3(chain.rotations[i], chain.translations[i])
+        if i == j:
+            before, place = (place, here) if direction < 3 else (here, place)
+            last = model.addJoint(last, resting, before, 'resting')
+        last = model.addJoint(last, joint, place, f'joint {i}')
+        body = pinocchio.Inertia.FromDynamicParameters(links[i, TO_PINOCCHIO])
+        model.appendBodyToJoint(last, body, here)
+    return model
+
+
+@pytest.mark.parametrize('arm', ARMS)
+def test_derivatives_by_placements_are_those_by_resting_joints_of_pinocchio(arm: str) -> None:
+    rng = np.random.default_rng(50 + len(arm))
+    n = len(arm)
+    chain, links = random_chain(arm, rng), random_bodies(n, rng)
+    state = rng.standard_normal((3, n))
+    found = placement_derivatives(chain, links, *state[:, None])[0]
+    for j, direction in np.ndindex(n, 6):
+        model = with_resting_joint(chain, links, j, direction)
+        there = np.insert(state, j, 0.0, axis=1)
+        data = model.createData()  # which owns the slopes
+        slopes = pinocchio.computeRNEADerivatives(model, data, *there)[0]
+        expected = np.delete(slopes[:, j], j)
+        np.testing.assert_allclose(found[:, j, direction], expected, atol=1e-11)
