@@ -19,6 +19,7 @@ from lip_id_ros.rigid_body.chain import LINK_PARAMETERS
 from lip_id_ros.rigid_body.motions import set_frames, VECTORS
 from lip_id_ros.rigid_body.regressor import potential_regressor
 from lip_id_ros.rigid_body.rnea import (
+    inertial_torque,
     moving_torque,
     pack_links,
     rnea,
@@ -176,7 +177,7 @@ def evaluate_in_memory(memory: Array, integers: IntArray) -> None:
     end = 7 * n + 2 + (n + 1) * VECTORS * 3
     work = memory[7 * n + 2 : end].reshape(n + 1, VECTORS, 3)
     floats = memory[end:]
-    out[3 * n : 4 * n] = 0.0
+    out[:] = 0.0
     kinetic, gravity, friction = out[n : 2 * n], out[2 * n : 3 * n], out[3 * n : 4 * n]
     links = unpack_links(floats[: integers[1]], integers[4 : 4 + n])
     out[4 * n], out[4 * n + 1] = rnea(kinetic, gravity, links, work, q, dq, ddq)
@@ -217,13 +218,13 @@ def evaluate_arm_many(
     still = np.zeros(n)
     for t in range(len(out)):
         row = out[t]
-        row[4 * n : 5 * n] = 0.0
+        row[:] = 0.0
         load, inertial, coriolis = row[:n], row[n : 2 * n], row[2 * n : 3 * n]
         gravity, friction = row[3 * n : 4 * n], row[4 * n : 5 * n]
         set_frames(work, links.chain, q[t])
         row[5 * n] = moving_torque(coriolis, links, work, dq[t], still)
         row[5 * n + 1] = weight_torque(gravity, links, work)
-        moving_torque(inertial, links, work, still, ddq[t])
+        inertial_torque(inertial, links, work, ddq[t])
         for i in range(n):
             load[i] = inertial[i] + coriolis[i] + gravity[i]
         add_friction(drives, q[t], dq[t], ddq[t], load, friction)

@@ -55,6 +55,15 @@ def serial_value(chain: Chain, i: int, x: Array) -> float:
 
 
 @jit_inlined
+def add_torque(tau: Array, chain: Chain, i: int, torque: float) -> None:
+    """Add the torque of joint i to those of reported positions, (n,), which do its work."""
+    tau[i] += torque
+    for k in range(len(chain.couplings)):
+        if chain.couplings[k, 0] == i:
+            tau[int(chain.couplings[k, 1])] += chain.couplings[k, 2] * torque
+
+
+@jit_inlined
 def add_coupled_rows(rows: Array, chain: Chain) -> None:
     """Add rows of torques of joints, shape (n, m), to those of reported positions, in place."""
     if len(chain.couplings) > 0:

@@ -7,14 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from lip_id_ros.arrays import Array, IntArray
-from lip_id_ros.numba_jit import jit
+from lip_id_ros.numba_jit import jit_inlined
 from lip_id_ros.rigid_body.chain import (
-    add_coupled_rows,
+    add_torque,
     base_acceleration,
     Chain,
     link_inertia,
     LINK_PARAMETERS,
     ROTOR,
+    serial_value,
 )
 from lip_id_ros.rigid_body.motions import (
     ACCELERATION,
@@ -27,6 +28,7 @@ from lip_id_ros.rigid_body.motions import (
 )
 from lip_id_ros.rigid_body.spatial import (
     add,
+    add_twists,
     add_wrenches,
     cross,
     cross_wrench,
@@ -36,6 +38,8 @@ from lip_id_ros.rigid_body.spatial import (
     moment_in_base,
     power,
     scale,
+    store_twist,
+    Twist,
     twist_into,
     Wrench,
     wrench_out_of,
@@ -60,7 +64,7 @@ def pack_links(chain: Chain, parameters: Array) -> Array:
     return np.concatenate([part.ravel() for part in parts])
 
 
-@jit
+@jit_inlined
 def unpack_links(packed: Array, prismatic: IntArray) -> Links:
     """Return what `pack_links` packed, with the types of the joints beside it."""
     n = len(prismatic)
@@ -72,12 +76,12 @@ def unpack_links(packed: Array, prismatic: IntArray) -> Links:
     return Links(Chain(rotations, translations, prismatic != 0, gravity, couplings), parameters)
 
 
-@jit
+@jit_inlined
 def rnea(
     tau: Array, gravity: Array, links: Links, work: Array, q: Array, dq: Array, ddq: Array
 ) -> tuple[float, float]:
     """
-    Return T and V; set `tau` to the torques of T, and `gravity` to those of V.
+    Return T and V; add the torques of T to `tau`, and those of V to `gravity`.
 
     All vectors have shape (n,); `work` is that of `motions`.
     """
@@ -85,13 +89,13 @@ def rnea(
     return moving_torque(tau, links, work, dq, ddq), weight_torque(gravity, links, work)
 
 
-@jit
+@jit_inlined
 def moving_torque(tau: Array, links: Links, work: Array, dq: Array, ddq: Array) -> float:
     """
-    Return T, and set `tau` to its torques, without gravity, in frames that are set.
+    Return T, and add its torques to `tau`, without gravity, in frames that are set.
 
-    At dq = 0 they are the inertial torques M(q) ddq. A link with the spatial inertia I needs the
-    wrench I a + v x* I v (Featherstone, 2008, section 5.3), which the joints before it carry.
+    A link with the spatial inertia I needs the wrench I a + v x* I v (Featherstone, 2008, section
+    5.3), which the joints before it carry.
     """
     chain, p = links
     set_velocities(work, chain, dq)
@@ -104,23 +108,36 @@ def moving_torque(tau: Array, links: Links, work: Array, dq: Array, ddq: Array) 
         momentum = inertia_times(body, v)
         wrench = add_wrenches(inertia_times(body, a), cross_wrench(v, momentum))
         total = add_wrenches(total, wrench_out_of(frame, wrench))
-        tau[i] = power(load_twist(work, i + 1, AXIS), total)
+        add_torque(tau, chain, i, power(load_twist(work, i + 1, AXIS), total))
+        tau[i] += p[i, ROTOR] * ddq[i]  # a rotor turns with its drive
         kinetic += 0.5 * (power(v, momentum) + p[i, ROTOR] * dq[i] ** 2)
-    add_coupled_rows(tau.reshape(-1, 1), chain)
-    for i in range(len(tau)):  # a rotor turns with its drive
-        tau[i] += p[i, ROTOR] * ddq[i]
     return kinetic
 
 
-@jit
+@jit_inlined
+def inertial_torque(tau: Array, links: Links, work: Array, ddq: Array) -> None:
+    """Add the inertial torques M(q) ddq, of an arm at rest, in frames that are set."""
+    chain, p = links
+    a, total = Twist(ZERO, ZERO), Wrench(ZERO, ZERO)
+    for i in range(len(tau)):
+        a = add_twists(a, serial_value(chain, i, ddq), load_twist(work, i + 1, AXIS))
+        store_twist(work, i + 1, ACCELERATION, a)
+    for i in range(len(tau) - 1, -1, -1):
+        frame = frame_of(work, i + 1)
+        a = twist_into(frame, load_twist(work, i + 1, ACCELERATION))
+        total = add_wrenches(total, wrench_out_of(frame, inertia_times(link_inertia(p, i), a)))
+        add_torque(tau, chain, i, power(load_twist(work, i + 1, AXIS), total))
+        tau[i] += p[i, ROTOR] * ddq[i]  # a rotor turns with its drive
+
+
+@jit_inlined
 def weight_torque(gravity: Array, links: Links, work: Array) -> float:
-    """Return V, and set `gravity` to its torques, in frames that are set."""
+    """Return V, and add its torques to `gravity`, in frames that are set."""
     chain, p = links
     up, mass, moment = base_acceleration(chain), 0.0, ZERO
     for i in range(len(gravity) - 1, -1, -1):
         frame, body = frame_of(work, i + 1), link_inertia(p, i)
         mass, moment = mass + body.mass, add(moment, moment_in_base(body, frame))
         weight = Wrench(cross(moment, up), scale(mass, up))
-        gravity[i] = power(load_twist(work, i + 1, AXIS), weight)
-    add_coupled_rows(gravity.reshape(-1, 1), chain)
+        add_torque(gravity, chain, i, power(load_twist(work, i + 1, AXIS), weight))
     return dot(up, moment)

@@ -1,5 +1,7 @@
 """Rigid links against pinocchio and against themselves."""
 
+from typing import Any
+
 from kernels.cases import P, R
 from kernels.cases import random_chain as random_chain_of
 import numpy as np
@@ -122,7 +124,7 @@ def test_sensitivity_of_torques_to_placements(arm: str) -> None:
             np.testing.assert_allclose(found[:, :, i, direction], slope, atol=1e-6)
 
 
-def with_resting_joint(chain: Chain, links: np.ndarray, j: int, direction: int) -> object:
+def with_resting_joint(chain: Chain, links: np.ndarray, j: int, direction: int) -> Any:
     """Return a model of pinocchio with one more joint that displaces placement j."""
     model = pinocchio.Model()
     model.gravity.linear = chain.gravity
