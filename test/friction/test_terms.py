@@ -174,7 +174,8 @@ def states(n_samples: int = 200) -> State:
 
 def features_of(term: Term, state: State, rise_time: float = RISE_TIME) -> Array:
     basis = FrictionBasis(1, one_drive(term).terms, rise_time)
-    return basis.values(*(x[:, None] for x in state))
+    q, dq, ddq, load = np.array(state)[..., None]
+    return basis.values(q, dq, ddq, load)
 
 
 def test_every_term_is_tested() -> None:
