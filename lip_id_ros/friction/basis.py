@@ -162,7 +162,7 @@ class FrictionBasis:
     ) -> Array:
         """Return the features (N, n, K) of all torques; arguments as for `values`."""
         values = self.values(q, dq, ddq, load, history)
-        return np.asarray(values[:, None] * self.compiled.shares.T)
+        return np.asarray(values[:, None] * np.ascontiguousarray(self.compiled.shares.T))
 
     def features_of_joints(
         self, q: Array, dq: Array, ddq: Array, load: Array, history: JointHistory = UNKNOWN

@@ -108,9 +108,9 @@ def test_what_a_joint_remembers_of_its_friction_is_no_noise() -> None:
     got = sticking_noise(noise, friction, zero, zero, zero, remembered)
     whole = sticking_noise(noise, friction, zero, zero, zero)
     # the Coulomb torque of its smooth sign, without what is remembered
-    coulomb = np.sqrt(3.0) * whole.stuck
-    np.testing.assert_allclose(got.stuck, [(coulomb[0] - 2.0) / np.sqrt(3.0), 0.0], rtol=1e-2)
-    np.testing.assert_allclose(coulomb, 3.0, rtol=0.1)
+    dry = np.sqrt(3.0) * whole.stuck
+    np.testing.assert_allclose(got.stuck, [(dry[0] - 2.0) / np.sqrt(3.0), 0.0], rtol=1e-2)
+    np.testing.assert_allclose(dry, 3.0, rtol=0.1)
     # nothing is known of single states
     np.testing.assert_allclose(past.single_std(zero, zero)[0], remembered)
 
