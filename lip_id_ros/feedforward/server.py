@@ -350,6 +350,8 @@ class Server:
         with self.counts.references.refusing(), np.errstate(all='ignore'):
             arm = self.ready_arm()
             self._require_new(age)
+            if not 0.0 <= speed <= LARGEST_SPEED:
+                raise RefusedError(Refusal.WRONG_SPEED)
             found = arm.plan(names, points, self._here(now), speed)
         self.counts.references.used['plans'] += 1
         return found

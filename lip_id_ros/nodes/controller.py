@@ -54,6 +54,7 @@ class Controller:
         self._client = ActionClient(node, FollowJointTrajectory, self.action)
         self._connect()
         self._pending: dict[bytes, _Cancel] = {}
+        self._unanswered: dict[bytes, float] = {}  # goals, and when they were sent
 
     def _connect(self) -> None:
         """Create the client of cancels, whose endpoints the middleware finds anew."""
@@ -76,7 +77,17 @@ class Controller:
         self, goal: Any, goal_id: UUID, on_feedback: Callable[[Any], None] | None = None
     ) -> Future:
         """Ask for the execution of a goal; done with its handle."""
-        return self._client.send_goal_async(goal, on_feedback, goal_id)
+        key = bytes(goal_id.uuid)
+        self._unanswered[key] = time.monotonic()
+        sent = self._client.send_goal_async(goal, on_feedback, goal_id)
+        sent.add_done_callback(lambda _: self._on_sent(key))
+        return sent
+
+    def _on_sent(self, key: bytes) -> None:
+        """Cancel a goal that the cancel has overtaken."""
+        self._unanswered.pop(key, None)
+        if key in self._pending:
+            self._ask(self._pending[key])
 
     def cancel(self, goal_id: UUID, on_refused: Callable[[], None] = lambda: None) -> Future:
         """
@@ -150,12 +161,20 @@ class Controller:
         answer = None if call.exception() is not None else call.result()
         if answer is None or each.done.done():
             return
+        if self._may_still_come(each, answer):
+            return
         if _is_cancelled(answer):
             self._pending.pop(bytes(each.goal_id.uuid), None)
             each.done.set_result(None)
         elif not each.is_refused:
             each.is_refused = True
             each.on_refused()
+
+    def _may_still_come(self, each: _Cancel, answer: CancelGoal.Response) -> bool:
+        """Whether a goal is unknown as its cancel has overtaken it: they go by two topics."""
+        sent_at = self._unanswered.get(bytes(each.goal_id.uuid), -np.inf)
+        unknown = answer.return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
+        return bool(unknown and time.monotonic() - sent_at < LONGEST_ANSWER_S)
 
 
 def await_last_answers(node: NodeBase, are_there: Callable[[], bool]) -> None:

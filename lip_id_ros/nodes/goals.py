@@ -45,6 +45,7 @@ class Goals:
         self._relays: dict[bytes, Relay] = {}  # by the identity of the goal
         self._time, self._look_at = WatchedTime(), 0.0
         self._scaling, self._speed = SpeedScaling(), 1.0
+        self._is_closed = False
         name = self.controller.action.rpartition('/')[0]
         self._state = node.create_subscription(
             JointTrajectoryControllerState, f'{name}/controller_state', self._on_state, qos.NEWEST
@@ -87,6 +88,11 @@ class Goals:
         for relay in list(self._relays.values()):
             relay.watch()
 
+    def close(self) -> None:
+        """Take no more goals, and have the controller cancel all."""
+        self._is_closed = True
+        self.release()
+
     def release(self) -> None:
         """Have the controller cancel all goals: nobody wants their efforts, or can cancel them."""
         for relay in list(self._relays.values()):
@@ -107,6 +113,8 @@ class Goals:
         references = self._server.counts.references
         try:
             with references.receiving():
+                if self._is_closed:
+                    raise RefusedError(Refusal.DISABLED)
                 if not self.controller.is_offered:
                     raise RefusedError(Refusal.NO_CONTROLLER)
             now = time.monotonic()

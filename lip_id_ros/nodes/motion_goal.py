@@ -205,8 +205,8 @@ class MotionGoal:
     def _hold(self) -> None:
         """Have the arm hold where it was measured: its last reference may be far from that."""
         position = self._measured(self._names)
-        if position is None:  # the controller holds the arm as its settings have it
-            return
+        if position is None or not np.isfinite(position).all():
+            return  # the controller holds the arm as its settings have it
         still = np.zeros((1, len(self._names)))
         plan = messages.plan_message(self._names, np.array([HOLD_S]), position[None], still, still)
         goal = FollowJointTrajectory.Goal(trajectory=plan)

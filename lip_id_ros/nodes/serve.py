@@ -66,7 +66,7 @@ class ServeNode(NodeBase, LifecycleNode):
 
     def stop(self) -> None:
         """Release the robot and end the lifecycle, once controllers have cancelled goals."""
-        self._inputs.release_goals()
+        self._inputs.close_goals()
         await_last_answers(self, lambda: self._inputs.is_settled)
         if self._state_label != 'finalized':
             self.trigger_shutdown()

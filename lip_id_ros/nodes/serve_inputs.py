@@ -150,6 +150,11 @@ class Inputs:
         for each in self._controllers:
             each.destroy()
 
+    def close_goals(self) -> None:
+        """Take no more goals, and have the controller cancel those that it has."""
+        if self._goals is not None:
+            self._goals.close()
+
     def release_goals(self) -> None:
         """Have the controller cancel the goals that it has by this node."""
         if self._goals is not None:
@@ -206,10 +211,10 @@ class Inputs:
             raise RefusedError(reason)
 
     def _answer(self, raw: bytes, arrival: Arrival) -> None:
-        if self._is_contradicted:
-            self._refuse(Refusal.SEVERAL_PUBLISHERS)
         with self._references.refusing():
             count = messages.count_points(raw)
+            if count and self._is_contradicted:  # a stop is taken from anybody
+                raise RefusedError(Refusal.SEVERAL_PUBLISHERS)
             if count > self._settings.max_plan_points:
                 raise RefusedError(Refusal.TOO_LONG)
         try:
@@ -223,8 +228,8 @@ class Inputs:
         elif count:
             self._answer_plan(message, arrival.age)
         else:  # the end of a motion, as for a joint_trajectory_controller
-            self._server.end_stream()
             self._outputs.plan(message)
+            self._server.end_stream()
 
     def _answer_plan(self, message: JointTrajectory, age: float) -> None:
         stamp_ns = messages.nanoseconds(message.header.stamp)
@@ -286,14 +291,18 @@ class Inputs:
         speed: float = 1.0,
     ) -> None:
         now, steady, age = self._now(), time.monotonic(), arrival.age
+        order, stamp_ns = None, 0
         if stamp.sec == stamp.nanosec == 0:  # left empty, which in a trajectory means now
             stamp = now
         else:
             with self._references.refusing():
                 stamp_ns = messages.nanoseconds(stamp)
                 age += max(0.0, (self._sent_ns(arrival, now) - stamp_ns) / 1e9)
-                self._order.setdefault(topic, StampOrder()).require(stamp_ns, steady)
+                order = self._order.setdefault(topic, StampOrder())
+                order.require(stamp_ns, steady)
         served = self._server.sample(names, points, steady, age, speed)
+        if order is not None:  # the stamps of what is refused say nothing
+            order.take(stamp_ns, steady)
         self._answered_at[topic] = steady
         self._outputs.torque(stamp, served.tau)
         self._outputs.energies(stamp, served.query)

@@ -63,7 +63,10 @@ class StampOrder:
         self._newest_ns, self._at = 0, 0.0
 
     def require(self, stamp_ns: int, now: float) -> None:
-        """Take a stamp [ns] at a time on a steady clock [s]; RefusedError if it goes back."""
+        """Raise RefusedError if a stamp [ns] goes back, at a time on a steady clock [s]."""
         if stamp_ns < self._newest_ns and now - self._at < CONFIRMED_S:
             raise RefusedError(Refusal.BACKWARD_STAMP)
+
+    def take(self, stamp_ns: int, now: float) -> None:
+        """Take the stamp [ns] of an answered reference, at a time on a steady clock [s]."""
         self._newest_ns, self._at = stamp_ns, now

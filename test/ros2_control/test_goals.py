@@ -23,8 +23,10 @@ from nodes.ros_graph import graph
 import numpy as np
 from numpy.typing import ArrayLike
 import psutil
-from rclpy.action import ActionClient, ActionServer, CancelResponse
+from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.serialization import serialize_message
+from rclpy.task import Future
 from ros2_control.arm import commanded, Control, hear_until_now, plan, served, times
 from ros2_control.test_plans import at_speed, states_of, wait_for
 
@@ -378,6 +380,49 @@ def test_a_cancel_that_the_controller_refuses_is_asked_for_again(
         client.node.executor.create_task(begun[0].canceled, stopped)
         ending, result = sender.result(handle)
         assert (ending, result.error_string) == ('canceled', 'stopped')
+        sender.destroy()
+        client.node.executor.create_task(controller.destroy)
+
+
+def test_a_cancel_that_overtakes_its_goal_is_asked_for_again(
+    tmp_path: Path, model_path: str
+) -> None:
+    """The controller does not know the goal yet; the arm went on for all of its 12 s."""
+    action, begun = '/arm/follow_joint_trajectory', []
+
+    def begin(handle: Any) -> None:
+        begun.append(handle)
+        handle.executing()
+
+    with graph(tmp_path) as (made, client):
+        answer = Future(executor=client.node.executor)
+
+        async def accept(_: Any) -> GoalResponse:
+            return await answer
+
+        controller = ActionServer(
+            client.node,
+            FollowJointTrajectory,
+            action,
+            execute_callback=None,
+            goal_callback=accept,
+            callback_group=ReentrantCallbackGroup(),  # cancels come while it waits
+            handle_accepted_callback=begin,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )
+        serve = made.start(
+            'serve', model_path=model_path, torque_limits=[toy.LIMIT], controller_action=action
+        )
+        sender = Sender(Control(made, client, serve))
+        client.status('serve', lambda status: status['summary'] == 'answering')
+        handle = sender.send(goal((1.0, 1.0), seconds=60.0))
+        sender.cancel(handle)
+        client.status('serve', lambda status: status['goals']['running'] == 1)
+        assert not begun
+        client.node.executor.create_task(answer.set_result, GoalResponse.ACCEPT)
+        client.wait_until(lambda: begun and begun[0].is_cancel_requested, 'another cancel')
+        client.node.executor.create_task(begun[0].canceled, FollowJointTrajectory.Result())
+        assert sender.result(handle)[0] == 'canceled'
         sender.destroy()
         client.node.executor.create_task(controller.destroy)
 
