@@ -98,6 +98,9 @@ def test_a_trajectory_without_points_ends_the_motion(ros: Ros, model_path: str) 
     client.wait_until(lambda: list(torques[-1].effort) == [0.0, 0.0], 'zero torque')
     client.wait_until(lambda: plans, 'the end for the controller')
     assert plans[0].points == []
+    assert client.switch('/serve/enable', False).success
+    publisher.publish(trajectory(toy.JOINTS))  # what was sent before may still be executed
+    client.wait_until(lambda: len(plans) == 2, 'the end from a disabled node')
 
 
 def test_a_clock_that_is_set_back_is_believed_in_half_a_second(ros: Ros, model_path: str) -> None:
