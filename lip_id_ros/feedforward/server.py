@@ -121,11 +121,13 @@ class ServedArm:
         points: Sequence[PlannedPoint],
         here: Array | None,
         speed: float,
+        late: float,
     ) -> Filled:
         """
         Answer a plan, which must move joints of the model and no others, in its own order.
 
-        `here`, shape (2, n): position and velocity of the arm where they are known.
+        `here`, shape (2, n): position and velocity of the arm where they are known. `late`: time
+        since the plan begins [s].
         """
         if len(points) > self.shaper.rules.max_plan_points:
             raise RefusedError(Refusal.TOO_LONG)
@@ -133,7 +135,7 @@ class ServedArm:
             raise RefusedError(Refusal.FOREIGN_JOINT)
         plan = completed(plan_of_points(names, points), self.joint_names, here)
         plan = plan.slowed(self._time_scale(plan))
-        start = _start(plan, here)
+        start = _start(plan, here) if abs(late) < EARLY_S else None
         if start is not None:
             plan = plan.begun_at(start, EARLY_S)
 
@@ -219,8 +221,14 @@ class ServedArm:
 
 
 def _start(plan: Plan, here: Array | None) -> Array | None:
-    """Return the position (n,) from which points on the way to the first one are added, if any."""
+    """
+    Return the position (n,) from which points on the way to the first one are added, if any.
+
+    None beyond half a turn: of a joint without stops the controller takes the shorter way.
+    """
     if here is None or plan.t[0] <= LEAST_BEGIN_S or np.abs(here[1]).max() >= REST_SPEED:
+        return None
+    if np.abs(plan.states[0, 0] - here[0]).max() > np.pi:
         return None
     return np.asarray(here[0])
 
@@ -345,14 +353,19 @@ class Server:
         now: float,
         age: float = 0.0,
         speed: float = 1.0,
+        late: float = 0.0,
     ) -> Filled:
-        """Answer a message of many points, sent `age` seconds ago, in its order of joints."""
+        """
+        Answer a message of many points, sent `age` seconds ago, in its order of joints.
+
+        `late`: time since the stamp at which it begins [s], below zero before it.
+        """
         with self.counts.references.refusing(), np.errstate(all='ignore'):
             arm = self.ready_arm()
             self._require_new(age)
             if not 0.0 <= speed <= LARGEST_SPEED:
                 raise RefusedError(Refusal.WRONG_SPEED)
-            found = arm.plan(names, points, self._here(now), speed)
+            found = arm.plan(names, points, self._here(now), speed, late)
         self.counts.references.used['plans'] += 1
         return found
 

@@ -207,14 +207,14 @@ class SpeedScaling:
     """
 
     def __init__(self) -> None:
-        self._is_known = False
+        self.is_known = False
         self._before: Any = None
 
     def read(self, message: Any) -> float:
         """Return the factor of a JointTrajectoryControllerState."""
         speed = float(message.speed_scaling_factor)
-        self._is_known = self._is_known or speed != 0.0
-        if self._is_known:
+        self.is_known = self.is_known or speed != 0.0
+        if self.is_known:
             return speed
         positions = message.reference.positions
         moves = self._before is not None and self._before != positions

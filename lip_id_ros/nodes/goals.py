@@ -105,7 +105,8 @@ class Goals:
         self._node.destroy_subscription(self._state)
 
     def _on_state(self, message: Any) -> None:
-        self._speed = self._scaling.read(message)
+        speed = self._scaling.read(message)
+        self._speed = speed if self._scaling.is_known else 1.0  # an old controller at rest has 0
 
     def _on_goal(self, goal: Any) -> GoalResponse:
         """Fill a goal; refuse it where that is not possible, with a reason in log and status."""
@@ -118,8 +119,9 @@ class Goals:
                 if not self.controller.is_offered:
                     raise RefusedError(Refusal.NO_CONTROLLER)
             now = time.monotonic()
+            late = messages.lateness(goal.trajectory, self._node.get_clock().now().to_msg())
             goal.trajectory = messages.filled_plan(
-                goal.trajectory, self._server, now=now, speed=self._speed
+                goal.trajectory, self._server, now=now, speed=self._speed, late=late
             )
         except RefusedError as refused:
             # the action has no place for a reason

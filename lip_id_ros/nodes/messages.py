@@ -151,6 +151,12 @@ def filled_plan(asked: JointTrajectory, server: Server, **options: Any) -> Joint
     return message
 
 
+def lateness(plan: JointTrajectory, now: Time) -> float:
+    """Return the time since the stamp at which a plan begins [s]; 0 where it has none."""
+    stamp_ns = nanoseconds(plan.header.stamp)
+    return (nanoseconds(now) - stamp_ns) / 1e9 if stamp_ns else 0.0
+
+
 def count_points(raw: bytes) -> int:
     """Read the number of points of a serialised JointTrajectory; RefusedError if it is none."""
     return read_header(raw).n_points

@@ -232,13 +232,14 @@ class Inputs:
             self._server.end_stream()
 
     def _answer_plan(self, message: JointTrajectory, age: float) -> None:
-        stamp_ns = messages.nanoseconds(message.header.stamp)
-        late = (messages.nanoseconds(self._now()) - stamp_ns) / 1e9 if stamp_ns else 0.0
+        late = messages.lateness(message, self._now())
         end = message.points[-1].time_from_start
         if late > end.sec + 1e-9 * end.nanosec:
             self._refuse(Refusal.OVER)
         now = time.monotonic()
-        self._outputs.plan(messages.filled_plan(message, self._server, now=now, age=age))
+        self._outputs.plan(
+            messages.filled_plan(message, self._server, now=now, age=age, late=late)
+        )
         if late > LATE_S:
             self._server.counts.torques['late_plans'] += 1
             self._node.warn(

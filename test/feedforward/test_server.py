@@ -185,6 +185,28 @@ def test_a_plan_of_one_point_begins_where_the_arm_is() -> None:
     np.testing.assert_array_equal(alone.tau, [[1.0, 0.0]])
 
 
+@pytest.mark.parametrize(
+    ('goal', 'late'),
+    [([1.0, 0.0], 1.0), ([1.0, 0.0], -5.0), ([3.5, 0.0], 0.0)],
+    ids=['begun', 'later', 'shorter way'],
+)
+def test_no_points_are_added_where_the_way_to_the_first_is_not_known(
+    goal: list[float], late: float
+) -> None:
+    """The arm jumped by half of the way, or went 6.2 rad round where 0.08 were left."""
+    server = serving(refine_plans=True)
+    server.measure(joint_state([0.0, 0.0]), 0.0)
+    found = server.plan(NAMES, [point(goal, [0, 0], [], 2.0)], 0.1, late=late)
+    assert found.added == 0
+    assert found.plan.t.tolist() == [2.0]
+
+
+def test_a_plan_is_refused_at_a_speed_that_no_controller_has() -> None:
+    for speed in (-1.0, 1000.0):
+        with pytest.raises(RefusedError, match='speed'):
+            serving().plan(NAMES, [point([0, 0], [0, 0], [0, 0], 1.0)], 0.0, speed=speed)
+
+
 def test_efforts_are_those_of_the_speed_of_the_controller() -> None:
     full, slow, still = (
         serving().sample(NAMES, [POINT], 0.0, speed=speed).tau for speed in (1.0, 0.3, 0.0)
