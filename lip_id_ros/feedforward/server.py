@@ -56,6 +56,9 @@ arm at rest [rad/s or m/s]. The first of them is reached at the second [s]: soon
 arm moves, that way would be a jerk by what is not known of its position.
 """
 
+LONGEST_UNSEEN_S = 0.5
+"""A measured position counts for so long where references may stop for ever."""
+
 LEAST_SHARE = 0.01
 """Of the largest torque of a joint in a plan: interpolated efforts are not asked to be better."""
 
@@ -384,6 +387,11 @@ class Server:
     def _longest_silence_s(self) -> float:
         return self.arm.shaper.rules.stale_timeout_s
 
+    @property
+    def _longest_unseen_s(self) -> float:
+        silence = self._longest_silence_s
+        return silence if np.isfinite(silence) else LONGEST_UNSEEN_S
+
     def _here(self, now: float) -> Array | None:
         """Return position and velocity (2, n) of the arm, where they are known now."""
         found, at = None, -np.inf
@@ -391,7 +399,7 @@ class Server:
             found, at = np.stack([self._measured.q, self._measured.dq]), self._measured_at
         if self._state is not None and self._fed_at > at:
             found, at = self._state[:2], self._fed_at
-        return found if now - at <= self._longest_silence_s else None
+        return found if now - at <= self._longest_unseen_s else None
 
     def ready_arm(self) -> ServedArm:
         """Return the arm; RefusedError where there is none, or the node is disabled."""
@@ -443,7 +451,7 @@ class Server:
             return arm.safe_torque(self._measured.q if fresh and self._measured else None, now)
 
     def _is_measured(self, now: float) -> bool:
-        return now - self._measured_at <= self._longest_silence_s
+        return now - self._measured_at <= self._longest_unseen_s
 
     def silence(self, now: float) -> float:
         """Return the time since the last answered reference [s], 0 while none is expected."""

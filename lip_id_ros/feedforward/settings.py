@@ -335,6 +335,11 @@ def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
 def require_consistent(settings: ServeSettings) -> None:
     """Raise ConfigError for settings that contradict each other for any arm."""
     require_unique('joints', settings.joints)
+    if settings.rate_limits and not min(settings.rate_limits) > 0.0:
+        raise ConfigError(
+            f'rate_limits must be above zero, but are {list(settings.rate_limits)}: a torque '
+            'could not be taken back; leave them empty for the usual ones.'
+        )
     if not all(settings.payload_models):
         raise ConfigError(
             'payload_models must name a file each, but one is empty; the empty name is that of '

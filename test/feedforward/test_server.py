@@ -207,6 +207,15 @@ def test_a_plan_is_refused_at_a_speed_that_no_controller_has() -> None:
             serving().plan(NAMES, [point([0, 0], [0, 0], [0, 0], 1.0)], 0.0, speed=speed)
 
 
+def test_a_place_of_long_ago_is_none_where_references_may_stop_for_ever() -> None:
+    server = serving(stale_timeout_s=0.0)
+    server.measure(joint_state([0.5, 0.5]), 0.0)
+    some = [point([1], [0], [0], 1.0), point([2], [0], [0], 2.0)]
+    assert server.plan(NAMES[:1], some, 0.4).tau.shape[1] == 2
+    with pytest.raises(RefusedError):
+        server.plan(NAMES[:1], some, 3600.0)
+
+
 def test_efforts_are_those_of_the_speed_of_the_controller() -> None:
     full, slow, still = (
         serving().sample(NAMES, [POINT], 0.0, speed=speed).tau for speed in (1.0, 0.3, 0.0)

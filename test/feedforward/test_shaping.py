@@ -191,6 +191,11 @@ def test_rates_are_bounded_by_default_where_limits_are() -> None:
     assert steps == 9  # a full swing in 0.1 s
 
 
+def test_rates_with_which_a_torque_could_not_be_taken_back_are_refused() -> None:
+    with pytest.raises(ConfigError, match='rate_limits must be above zero'):
+        shaper(torque_limits=(40.0,), rate_limits=(0.0,))
+
+
 def test_limits_beyond_all_numbers_bound_no_rate() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter('error')
