@@ -23,7 +23,11 @@ SHAPES: dict[Callable[..., Term], Callable[..., Term]] = {
     coulomb: sign_width,
     lever_spring: lever_shape,
 }
-"""Slopes of a term by what it is not linear in, of the same parameters."""
+"""
+Terms of the slopes by parameters that do not enter the torque linearly, as those of a width.
+
+A term and that of its slopes have the same parameters.
+"""
 
 
 @dataclass(frozen=True)

@@ -85,4 +85,4 @@ def _moved(fit: ArmFit, step: Array) -> ArmFit:
 def _reshaped(term: Term, by_eccentricity: float, by_centre: float) -> Term:
     eccentricity, dead_centre = term.parameters['eccentricity'], term.parameters['dead_centre']
     eccentricity = float(np.clip(eccentricity + by_eccentricity, *ECCENTRICITIES))
-    return lever_spring(eccentricity, dead_centre + by_centre)
+    return term.changed(eccentricity=eccentricity, dead_centre=dead_centre + by_centre)
