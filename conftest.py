@@ -16,6 +16,10 @@ ROOT = Path(__file__).resolve().parent
 
 os.environ.setdefault('MPLBACKEND', 'Agg')
 
+# Beside other load, processes lost each other for good over shared memory, and not over UDP:
+# https://github.com/eProsima/Fast-DDS/issues/5244
+os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
+
 # Workers of pytest-xdist share the cores; their libraries read this when they are imported.
 if 'PYTEST_XDIST_WORKER_COUNT' in os.environ:
     share = max(1, (os.cpu_count() or 1) // int(os.environ['PYTEST_XDIST_WORKER_COUNT']))

@@ -41,7 +41,7 @@ STARTED: set[str] = set()
 """Nodes that a process of their own has run already: all that follow are forks."""
 
 
-def _heed_signals() -> None:
+def heed_signals() -> None:
     """Under nohup or in the background the tests ignore these, and what they start would too."""
     for number in (signal.SIGHUP, signal.SIGINT):
         signal.signal(number, signal.SIG_DFL)
@@ -60,7 +60,7 @@ class Process:
                 env=environment,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                preexec_fn=_heed_signals,
+                preexec_fn=heed_signals,
             )
         return cls(log_path, popen)
 

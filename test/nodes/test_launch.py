@@ -20,7 +20,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 from ament_index_python.packages import get_package_share_path, PackageNotFoundError
 from launch import LaunchContext
 from launch.launch_description_sources import AnyLaunchDescriptionSource
-from nodes.ros_graph import FORK_SERVER, Process
+from nodes.ros_graph import FORK_SERVER, heed_signals, Process
 from nodes.test_serve import GOOD
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -54,6 +54,7 @@ def launched(graph: Graph, name: str, *arguments: str) -> Iterator[Path]:
             stdout=log,
             stderr=subprocess.STDOUT,
             start_new_session=True,
+            preexec_fn=heed_signals,
         )
     try:
         yield log_path
