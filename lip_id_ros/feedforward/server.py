@@ -16,7 +16,7 @@ import numpy as np
 from lip_id_ros.adaptation.adapted_model import AdaptedModel
 from lip_id_ros.arrays import Array
 from lip_id_ros.feedforward import shaping
-from lip_id_ros.feedforward.interpolation import completed, Plan, plan_of_points
+from lip_id_ros.feedforward.interpolation import completed, Plan, plan_of_points, Torques
 from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.feedforward.measured import MeasuredArm
 from lip_id_ros.feedforward.plan_check import fits, fitting_scale
@@ -137,7 +137,6 @@ class ServedArm:
         if not set(names) <= set(self.joint_names):
             raise RefusedError(Refusal.FOREIGN_JOINT)
         plan = completed(plan_of_points(names, points), self.joint_names, here)
-        plan = plan.slowed(self._time_scale(plan))
         start = _start(plan, here) if abs(late) < EARLY_S else None
         if start is not None:
             plan = plan.begun_at(start, EARLY_S)
@@ -145,6 +144,7 @@ class ServedArm:
         def torques(q: Array, dq: Array, ddq: Array, t: Array) -> Array:
             return self._torques(q, speed * dq, speed**2 * ddq, t / max(speed, LEAST_SPEED))
 
+        plan = plan.slowed(self._time_scale(plan, torques))
         adds, noise = self._settings.refine_plans, self.loaded.model.noise_std
         found = filled(plan, torques, noise, LEAST_SHARE, adds=adds)
         if start is not None:
@@ -155,7 +155,7 @@ class ServedArm:
         order = [*names, *(each for each in self.joint_names if each not in names)]
         return replace(found, tau=shaped).in_order(order)
 
-    def _time_scale(self, plan: Plan) -> float:
+    def _time_scale(self, plan: Plan, torques: Torques) -> float:
         """
         Return the factor on the times of a plan with which its torques are within limits.
 
@@ -165,18 +165,19 @@ class ServedArm:
         overload, limits = self.shaper.rules.overload, self.shaper.rules.limits
         if overload is Overload.CUT:
             return 1.0
+
+        def commanded(*motion: Array) -> Array:
+            return self.shaper.rules.scale * torques(*motion)
+
         scale: float | None
         if overload is Overload.SLOW:
-            scale = fitting_scale(self._scaled, plan, limits)
+            scale = fitting_scale(commanded, plan, limits)
         else:
-            scale = 1.0 if fits(self._scaled, plan, limits) else None
+            scale = 1.0 if fits(commanded, plan, limits) else None
         if scale is None:
             raise RefusedError(Refusal.OVERLOAD)
         self._counts['slowed'] += scale > 1.0
         return scale
-
-    def _scaled(self, q: Array, dq: Array, ddq: Array, t: Array) -> Array:
-        return self.shaper.rules.scale * self._torques(q, dq, ddq, t)
 
     def _torques(self, q: Array, dq: Array, ddq: Array, t: Array | None = None) -> Array:
         found = self.loaded.newest.predict(q, dq, ddq, t)

@@ -17,7 +17,7 @@ from lip_id_ros.adaptation.adapted_model import AdaptedModel
 from lip_id_ros.adaptation.follow_settings import FollowRules
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.feedforward.loading import LoadedModel
-from lip_id_ros.feedforward.server import Server
+from lip_id_ros.feedforward.server import EARLY_S, Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.model import EffortCalibration
 from lip_id_ros.recording.joint_messages import JointMessage
@@ -127,6 +127,30 @@ def test_a_plan_beyond_limits_is_slowed_where_that_is_asked_for() -> None:
     heavy = [point([600, 0], [0, 0], [0, 0]), point([601, 0], [0, 0], [0, 0], 1.0)]
     with pytest.raises(RefusedError, match='found no slower plan that fits'):
         server.plan(NAMES, heavy, 0.0)
+
+
+def test_limits_hold_on_the_way_to_the_first_point() -> None:
+    """Of 1 rad in 0.5 s from an arm at rest, 12 rad/s^2 at once."""
+    goal = [point([1, 0], [0, 0], [], 0.5)]
+    for policy in ('refuse', 'slow'):
+        server = serving(torque_limits=[500.0], overload_policy=policy)
+        assert duration(server, goal) == 0.5  # nobody knows from where
+        assert server.measure(joint_state([0.0, 0.0]), 0.0)
+        if policy == 'refuse':
+            with pytest.raises(RefusedError, match='would exceed torque_limits'):
+                server.plan(NAMES, goal, 0.1)
+        else:
+            found = server.plan(NAMES, goal, 0.1)
+            assert found.plan.t[-1] > 1.0
+            assert found.plan.t[0] == pytest.approx(EARLY_S * found.plan.t[-1] / 0.5)
+
+
+def test_limits_hold_for_torques_at_the_speed_of_the_controller() -> None:
+    server = serving(torque_limits=[500.0], overload_policy='slow')
+    for speed in (0.5, 1.0, 2.0):
+        found = server.plan(NAMES, rest_to_rest(), 0.0, speed=speed)
+        assert found.plan.t[-1] == pytest.approx(max(1.0, 1.0743 * speed), rel=0.01)
+    assert server.values()['slowed'] == 2
 
 
 def test_limits_hold_for_what_is_commanded() -> None:
