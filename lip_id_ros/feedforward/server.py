@@ -20,7 +20,7 @@ from lip_id_ros.feedforward.interpolation import completed, Plan, plan_of_points
 from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.feedforward.measured import MeasuredArm
 from lip_id_ros.feedforward.plan_check import fits, fitting_scale
-from lip_id_ros.feedforward.refinement import Filled, filled
+from lip_id_ros.feedforward.refinement import refined, RefinedPlan
 from lip_id_ros.feedforward.settings import make_rules, Overload, SafeValue, ServeSettings
 from lip_id_ros.feedforward.shaping import Shaper, TrainingRange
 from lip_id_ros.feedforward.status import ServeCounts
@@ -125,7 +125,7 @@ class ServedArm:
         here: Array | None,
         speed: float,
         late: float,
-    ) -> Filled:
+    ) -> RefinedPlan:
         """
         Answer a plan, which must move joints of the model and no others, in its own order.
 
@@ -146,7 +146,8 @@ class ServedArm:
 
         plan = plan.slowed(self._time_scale(plan, torques))
         adds, noise = self._settings.refine_plans, self.loaded.model.noise_std
-        found = filled(plan, torques, noise, LEAST_SHARE, adds=adds)
+        most = self.shaper.rules.max_plan_points
+        found = refined(plan, torques, noise, LEAST_SHARE, most, adds=adds)
         if start is not None:
             found = found.without_first()
         shaped = self.shaper.plan(found.tau, found.plan.t, found.states)
@@ -358,7 +359,7 @@ class Server:
         age: float = 0.0,
         speed: float = 1.0,
         late: float = 0.0,
-    ) -> Filled:
+    ) -> RefinedPlan:
         """
         Answer a message of many points, sent `age` seconds ago, in its order of joints.
 

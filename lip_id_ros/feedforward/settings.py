@@ -149,8 +149,8 @@ class ServeSettings(Settings):
     )
     max_plan_points: int = setting(
         10_000,
-        'Longest plan that is answered; longer ones are refused. A thousand points take about 10 '
-        'ms, in which no stream is answered.',
+        'Longest plan that is answered, with the points that refine_plans adds; longer ones are '
+        'refused. A thousand points take 10 to 30 ms, in which no stream is answered.',
         minimum=1,
         maximum=10_000,
     )

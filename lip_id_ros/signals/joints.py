@@ -68,7 +68,8 @@ _SENTENCES = {
     Refusal.DISABLED: 'the node is disabled; call its service enable',
     Refusal.NO_POINTS: 'a trajectory needs at least one point, this one has none',
     Refusal.TOO_LONG: (
-        'a plan must not have more points than max_plan_points; send it in pieces or raise that'
+        'a plan must not have more points than max_plan_points, those included that refine_plans '
+        'adds; send it in pieces'
     ),
     Refusal.OVERLOAD: (
         'the torques of the plan would exceed torque_limits, and overload_policy refuses that or '

@@ -17,6 +17,7 @@ from lip_id_ros.adaptation.adapted_model import AdaptedModel
 from lip_id_ros.adaptation.follow_settings import FollowRules
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.feedforward.loading import LoadedModel
+from lip_id_ros.feedforward.refinement import STEP_S
 from lip_id_ros.feedforward.server import EARLY_S, Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.model import EffortCalibration
@@ -177,6 +178,58 @@ def test_a_sparse_plan_gets_points_where_efforts_would_be_wrong() -> None:
     sparse = serving()
     assert sparse.plan(NAMES, rest_to_rest(), 0.0).missed[0] > 570.0
     assert sparse.judge('', 0.0) == (Level.WARN, 'messages with trouble: sparse_plans 1')
+
+
+def test_points_are_added_in_a_time_that_does_not_grow_with_the_duration() -> None:
+    """Two points over 1000 s took 0.28 s; gravity along the way is a polynomial of degree 5."""
+    loaded, looks = arm(), []
+    server = Server()
+    server.use(loaded, ServeSettings(**{**PLAIN, 'refine_plans': True}))
+    server.enable()
+    predict = Sum.predict
+
+    def counted(self: Sum, *states: Any) -> Any:
+        looks.append(len(states[0]))
+        return predict(self, *states)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Sum, 'predict', counted)
+        plan = [point([0, 0], [0, 0], [0, 0]), point([800, 0], [0, 0], [0, 0], 1000.0)]
+        found = server.plan(NAMES, plan, 0.0)
+    assert sum(looks) < 10_000
+    s = np.linspace(0.0, 1.0, 100_000)
+    exact = 800 * (
+        s**3 * (10 - 15 * s + 6 * s**2)
+        + 0.3 * s**2 * (1 - s) ** 2
+        + 0.006 * s * (1 - s) * (1 - 2 * s)
+    )
+    error = np.abs(np.interp(1000 * s, found.plan.t, found.tau[:, 0]) - exact).max()
+    assert found.added < 50
+    assert error < 1.05 * max(1.0, 0.01 * np.abs(exact).max())  # noise, or a hundredth
+
+
+def test_a_reversal_in_a_long_plan_is_found() -> None:
+    """Friction jumps within a hundredth of a second, once in 1000 s."""
+    server = Server()
+    server.use(
+        replace(arm(), model=Sum(dry=70.0)), ServeSettings(**{**PLAIN, 'refine_plans': True})
+    )
+    server.enable()
+    plan = [point([0, 0], [1, 0], [], 0.0), point([0, 0], [-2, 0], [], 1000.0)]
+    found = server.plan(NAMES, plan, 0.0)
+    (reversal,) = np.flatnonzero(np.diff(np.sign(found.plan.states[1, :, 0])))
+    assert np.diff(found.plan.t)[reversal] < 2 * STEP_S
+
+
+def test_a_plan_that_needs_too_many_points_is_refused() -> None:
+    server = serving(refine_plans=True, max_plan_points=10)
+    with pytest.raises(RefusedError, match='those included that refine_plans adds'):
+        server.plan(NAMES, rest_to_rest(), 0.0)
+    assert server.values()['refused'] == {Refusal.TOO_LONG: 1}
+    assert serving(max_plan_points=10).plan(NAMES, rest_to_rest(), 0.0).added == 0
+    corners = [point([t % 2, 0], [0, 0], [0, 0], 0.1 * t) for t in range(9999)]
+    with pytest.raises(RefusedError, match='those included that refine_plans adds'):
+        serving(refine_plans=True).plan(NAMES, corners, 0.0)
 
 
 def joint_state(q: list[float], stamp_ns: int = 1) -> JointMessage:
