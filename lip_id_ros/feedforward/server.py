@@ -59,6 +59,9 @@ arm moves, that way would be a jerk by what is not known of its position.
 LONGEST_UNSEEN_S = 0.5
 """A measured position counts for so long where references may stop for ever."""
 
+LATE_S = 0.1
+"""A plan that comes out later than this after its begin deserves a warning."""
+
 LEAST_SHARE = 0.01
 """Of the largest torque of a joint in a plan: interpolated efforts are not asked to be better."""
 
@@ -137,6 +140,8 @@ class ServedArm:
         if not set(names) <= set(self.joint_names):
             raise RefusedError(Refusal.FOREIGN_JOINT)
         plan = completed(plan_of_points(names, points), self.joint_names, here)
+        if late > plan.t[-1]:
+            raise RefusedError(Refusal.ENDED_PLAN)
         start = _start(plan, here) if abs(late) < EARLY_S else None
         if start is not None:
             plan = plan.begun_at(start, EARLY_S)
@@ -151,6 +156,7 @@ class ServedArm:
         if start is not None:
             found = found.without_first()
         shaped = self.shaper.plan(found.tau, found.plan.t, found.states)
+        self._counts['late_plans'] += late > LATE_S
         self._counts['added_points'] += found.added
         self._counts['sparse_plans'] += not adds and found.misses
         order = [*names, *(each for each in self.joint_names if each not in names)]
@@ -176,7 +182,7 @@ class ServedArm:
         else:
             scale = 1.0 if fits(commanded, plan, limits) else None
         if scale is None:
-            raise RefusedError(Refusal.OVERLOAD)
+            raise RefusedError(Refusal.BEYOND_LIMITS)
         self._counts['slowed'] += scale > 1.0
         return scale
 
@@ -244,11 +250,12 @@ class Server:
 
     Every torque that leaves is finite and within its joint's limit. Times `now` are in seconds on
     any steady clock. A message that cannot be answered raises RefusedError and is counted.
+    `is_contradicted`: whether references are not to be answered, since others contradict them.
     """
 
     def __init__(self) -> None:
         self.counts = ServeCounts(COUNTED)
-        self.enabled = False
+        self.enabled = self.is_contradicted = False
         self._arm: ServedArm | None = None
         self._forget_stream()
 
@@ -338,10 +345,7 @@ class Server:
         accelerations by its square.
         """
         try:
-            arm = self.ready_arm()
-            self._require_new(age)
-            if not 0.0 <= speed <= LARGEST_SPEED:
-                raise RefusedError(Refusal.WRONG_SPEED)
+            arm = self._answering_arm(age, speed)
             with np.errstate(all='ignore'):
                 served = arm.sample(names, points, now, speed)
         except Exception as error:
@@ -366,10 +370,7 @@ class Server:
         `late`: time since the stamp at which it begins [s], below zero before it.
         """
         with self.counts.references.refusing(), np.errstate(all='ignore'):
-            arm = self.ready_arm()
-            self._require_new(age)
-            if not 0.0 <= speed <= LARGEST_SPEED:
-                raise RefusedError(Refusal.WRONG_SPEED)
+            arm = self._answering_arm(age, speed)
             found = arm.plan(names, points, self._here(now), speed, late)
         self.counts.references.used['plans'] += 1
         return found
@@ -381,9 +382,16 @@ class Server:
         self._ended = bool(np.isfinite(self._fed_at))
         self.counts.references.used['plans'] += 1
 
-    def _require_new(self, age: float) -> None:
+    def _answering_arm(self, age: float, speed: float) -> ServedArm:
+        """Return the arm; RefusedError where a reference of this age and speed has no answer."""
+        arm = self.ready_arm()
+        if self.is_contradicted:
+            raise RefusedError(Refusal.SEVERAL_PUBLISHERS)
         if age > self._longest_silence_s:
             raise RefusedError(Refusal.OLD)
+        if not 0.0 <= speed <= LARGEST_SPEED:
+            raise RefusedError(Refusal.WRONG_SPEED)
+        return arm
 
     @property
     def _longest_silence_s(self) -> float:

@@ -13,7 +13,7 @@ from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
 from lip_id_ros.feedforward.goals import Ending, GoalCounts, Outcome
 from lip_id_ros.feedforward.server import Server
-from lip_id_ros.nodes import messages, qos
+from lip_id_ros.nodes import plans, qos
 from lip_id_ros.nodes.controller import Controller, SpeedScaling
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.relay import Relay, WatchedTime
@@ -115,13 +115,11 @@ class Goals:
         try:
             with references.receiving():
                 if self._is_closed:
-                    raise RefusedError(Refusal.DISABLED)
+                    raise RefusedError(Refusal.ENDING)
                 if not self.controller.is_offered:
                     raise RefusedError(Refusal.NO_CONTROLLER)
-            now = time.monotonic()
-            late = messages.lateness(goal.trajectory, self._node.get_clock().now().to_msg())
-            goal.trajectory = messages.filled_plan(
-                goal.trajectory, self._server, now=now, speed=self._speed, late=late
+            goal.trajectory = plans.answered(
+                self._node, self._server, goal.trajectory, speed=self._speed
             )
         except RefusedError as refused:
             # the action has no place for a reason

@@ -17,7 +17,7 @@ from lip_id_ros.errors import ConfigError
 from lip_id_ros.feedforward.goals import GoalCounts
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
-from lip_id_ros.nodes import messages, qos
+from lip_id_ros.nodes import messages, plans, qos
 from lip_id_ros.nodes.controller import Controller, SpeedScaling
 from lip_id_ros.nodes.goals import Goals
 from lip_id_ros.nodes.node import NodeBase
@@ -44,10 +44,7 @@ class Arrival(NamedTuple):
 
 
 LATE_S = 0.1
-"""
-Where a reference waits for longer, the newest that has arrived is answered in its place; a plan
-that comes out later than this after its begin deserves a warning.
-"""
+"""Where a reference waits for longer, the newest that has arrived is answered in its place."""
 
 
 class Inputs:
@@ -64,7 +61,6 @@ class Inputs:
         self._updates: Any = None
         self.goals = GoalCounts()
         self._settings = ServeSettings()
-        self._is_contradicted = False
         self._ages, self._scaling = AgeWatch(), SpeedScaling()
         self._order: dict[str, StampOrder] = {}  # by topic
         self._answered_at: dict[str, float] = {}
@@ -177,9 +173,10 @@ class Inputs:
 
     def _watch_contradictions(self) -> None:
         """Output zero where several publishers or topics are not to be answered."""
-        before, refuse = self._is_contradicted, self._settings.several_publishers == 'refuse'
-        self._is_contradicted = refuse and bool(self._contradictions())
-        if self._is_contradicted and not before:
+        server, refuse = self._server, self._settings.several_publishers == 'refuse'
+        before = server.is_contradicted
+        server.is_contradicted = refuse and bool(self._contradictions())
+        if server.is_contradicted and not before:
             self._node.output_safe_torque()
 
     def publish_zero(self) -> None:
@@ -202,7 +199,7 @@ class Inputs:
         self._references.received += len(arrived)
         for number, (each, arrival) in enumerate(arrived):
             if number in overtaken:
-                self._unless_refused(self._refuse, Refusal.OVERTAKEN)
+                self._unless_refused(self._refuse, Refusal.SUPERSEDED)
             else:
                 self._unless_refused(self._answer, each, arrival)
 
@@ -213,8 +210,6 @@ class Inputs:
     def _answer(self, raw: bytes, arrival: Arrival) -> None:
         with self._references.refusing():
             count = messages.count_points(raw)
-            if count and self._is_contradicted:  # a stop is taken from anybody
-                raise RefusedError(Refusal.SEVERAL_PUBLISHERS)
             if count > self._settings.max_plan_points:
                 raise RefusedError(Refusal.TOO_LONG)
         try:
@@ -226,36 +221,16 @@ class Inputs:
             topic, stamp = self._trajectories.topic_name, message.header.stamp
             self._answer_sample(topic, stamp, message.joint_names, message.points, arrival)
         elif count:
-            self._answer_plan(message, arrival.age)
+            self._outputs.plan(plans.answered(self._node, self._server, message, age=arrival.age))
         else:  # the end of a motion, as for a joint_trajectory_controller
             self._outputs.plan(message)
             self._server.end_stream()
-
-    def _answer_plan(self, message: JointTrajectory, age: float) -> None:
-        late = messages.lateness(message, self._now())
-        end = message.points[-1].time_from_start
-        if late > end.sec + 1e-9 * end.nanosec:
-            self._refuse(Refusal.OVER)
-        now = time.monotonic()
-        self._outputs.plan(
-            messages.filled_plan(message, self._server, now=now, age=age, late=late)
-        )
-        if late > LATE_S:
-            self._server.counts.torques['late_plans'] += 1
-            self._node.warn(
-                'late_plans',
-                f'a plan came out {late:.1f} s after the stamp at which it begins; send plans '
-                'earlier, or leave their stamps zero',
-            )
 
     def _on_controller_state(self, message: Any, info: Info) -> None:
         reference, names = message.reference, message.joint_names
         speed = self._scaling.read(message)
         topic = self._optional[0].topic_name
         self._references.received += 1
-        if self._is_contradicted:
-            self._unless_refused(self._refuse, Refusal.SEVERAL_PUBLISHERS)
-            return
         arguments = topic, message.header.stamp, names, [reference], self._arrival(info), speed
         self._unless_refused(self._answer_sample, *arguments)
 

@@ -114,7 +114,7 @@ def test_a_plan_beyond_limits_is_refused_where_that_is_asked_for() -> None:
     server = serving(torque_limits=[500.0], overload_policy='refuse')
     with pytest.raises(RefusedError, match='would exceed torque_limits'):
         server.plan(NAMES, rest_to_rest(), 0.0)
-    assert server.values()['refused'] == {Refusal.OVERLOAD: 1}
+    assert server.values()['refused'] == {Refusal.BEYOND_LIMITS: 1}
     assert duration(server, rest_to_rest(1.2)) == 1.2
     assert server.values()['slowed'] == 0
 
@@ -276,6 +276,29 @@ def test_no_points_are_added_where_the_way_to_the_first_is_not_known(
     found = server.plan(NAMES, [point(goal, [0, 0], [], 2.0)], 0.1, late=late)
     assert found.added == 0
     assert found.plan.t.tolist() == [2.0]
+
+
+def test_a_plan_that_begins_late_is_counted_and_one_that_has_ended_refused() -> None:
+    server = serving()
+    for late in (-9.0, 0.05, 0.9):
+        server.plan(NAMES, rest_to_rest(), 0.0, late=late)
+    assert server.values()['late_plans'] == 1
+    with pytest.raises(RefusedError, match='would have ended by its stamp'):
+        server.plan(NAMES, rest_to_rest(), 0.0, late=1.1)
+    assert server.values()['refused'] == {Refusal.ENDED_PLAN: 1}
+    assert server.values()['late_plans'] == 1
+
+
+def test_references_that_contradict_each_other_are_refused_but_for_a_stop() -> None:
+    server = serving()
+    server.is_contradicted = True
+    with pytest.raises(RefusedError, match='several publishers'):
+        server.sample(NAMES, [POINT], 0.0)
+    with pytest.raises(RefusedError, match='several publishers'):
+        server.plan(NAMES, rest_to_rest(), 0.0)
+    server.end_stream()
+    server.is_contradicted = False
+    server.sample(NAMES, [POINT], 0.0)
 
 
 def test_a_plan_is_refused_at_a_speed_that_no_controller_has() -> None:
