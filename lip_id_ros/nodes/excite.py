@@ -74,7 +74,7 @@ class ExciteNode(NodeBase):
         self._halted: str | None = None
         self._names: tuple[str, ...] = ()
         self._limit = np.inf, ''
-        self._settled: Future | None = None  # while the last joint states come
+        self._rest: Future | None = None  # while the last joint states come
         self._settled_at = np.inf
         self._jobs = Jobs()
         self._description = Description(self) if settings.use_robot_description else None
@@ -228,11 +228,11 @@ class ExciteNode(NodeBase):
     async def _settled(self) -> None:
         """Wait for the last joint states of the motion."""
         self._settled_at = time.monotonic() + LEAST_SETTLED_S
-        self._settled = Future(executor=self.executor)
+        self._rest = Future(executor=self.executor)
         try:
-            await self._until(self._settled)
+            await self._until(self._rest)
         finally:
-            self._settled = None
+            self._rest = None
 
     # what halts them
 
@@ -262,8 +262,8 @@ class ExciteNode(NodeBase):
         lost = self._mover.watch(moving=self._watch is not None)
         if self._pending is not None and now > self._limit[0]:
             self._halt(f'{self._limit[1]} has not answered in {LONGEST_ANSWER_S:g} s')
-        if self._settled is not None and now > self._settled_at and not self._settled.done():
-            self._settled.set_result(None)
+        if self._rest is not None and now > self._settled_at and not self._rest.done():
+            self._rest.set_result(None)
         if (silence := self._trainer.silence()) is not None:
             self._halt(silence)
         if self._watch is None:

@@ -276,12 +276,14 @@ def test_leave_that_is_given_twice_is_answered_and_harmless(ros: Ros, tmp_path: 
     begin(client)
     client.status('excite', lambda status: status['stage'] == 'waiting for confirm')
     assert not client.trigger('/excite/start').success  # now the client knows the node
-    confirm = client.node.create_client(Trigger, '/excite/confirm')
+    confirm = client.node.create_client(Trigger, '/excite/confirm', qos_profile=qos.CALLS)
     client.wait_until(confirm.service_is_ready, 'service')
     answers = [confirm.call_async(Trigger.Request()) for _ in range(40)]
     client.wait_until(lambda: all(each.done() for each in answers), 'answers')
-    ended = client.status('excite', lambda status: status['stage'] in ('fitting', 'stopped'))
-    assert ended['stage'] == 'fitting', ended
+    ended = client.status(
+        'excite', lambda status: status['stage'] in ('fitting', 'done', 'stopped')
+    )
+    assert 'an error of this node' not in ended['summary']
     assert [each.result().success for each in answers].count(True) == 1
     assert 'the node is moving' in answers[-1].result().message
 
