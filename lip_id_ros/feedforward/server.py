@@ -494,7 +494,7 @@ class Server:
 
     def judge(self, failure: str, now: float) -> tuple[Level, str]:
         """Judge in a sentence what came since the last call; `failure` is that of a reload."""
-        new = self.counts.new_alarms()
+        new = self.counts.take_new_alarms()
         alarms = in_words(new)
         arm = self._arm
         if arm is None:
@@ -511,7 +511,7 @@ class Server:
             )
         if new:
             return Level.WARN, f'messages with trouble: {alarms}'
-        if self._adapted is not None and (trouble := self._adapted.new_trouble()):
+        if self._adapted is not None and (trouble := self._adapted.take_new_trouble()):
             return Level.WARN, trouble
         if failure:
             return Level.WARN, f'serves the model before: {failure}'

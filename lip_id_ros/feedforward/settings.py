@@ -23,7 +23,7 @@ from lip_id_ros.settings.settings import AT_ONCE, AT_START, ON_CONFIGURE, ON_LOA
 from lip_id_ros.signals.joints import by_joint, require_unique
 from lip_id_ros.signals.torque_steps import (
     DEFAULT_RATE,
-    limits_in_numbers,
+    limits_in_force,
     LimitsFrom,
     require_limits,
 )
@@ -308,7 +308,7 @@ def make_rules(settings: ServeSettings, joint_names: Sequence[str]) -> Rules:
     def per_joint(name: str, default: float) -> Array:
         return by_joint(name, getattr(settings, name), settings.joints, joint_names, default)
 
-    in_force = limits_in_numbers(settings.torque_limits, settings.torque_limits_from)
+    in_force = limits_in_force(settings.torque_limits, settings.torque_limits_from)
     limits = by_joint('torque_limits', in_force, settings.joints, joint_names, np.inf)
     with np.errstate(over='ignore'):  # limits beyond all numbers leave rates without a bound
         rates = DEFAULT_RATE * limits
@@ -364,7 +364,7 @@ def require_bounded(settings: ServeSettings, before: Rules, joint_names: Sequenc
 
 def unbounded(settings: ServeSettings) -> str | None:
     """Return the warning that is due where nothing bounds the size or the step of a torque."""
-    if limits_in_numbers(settings.torque_limits, settings.torque_limits_from):
+    if limits_in_force(settings.torque_limits, settings.torque_limits_from):
         return None
     steps = '' if settings.rate_limits else ', and neither are their steps'
     return f'torques are not limited{steps}'

@@ -32,7 +32,7 @@ from lip_id_ros.nodes.trainer import Trainer
 from lip_id_ros.settings import parameters_of
 from lip_id_ros.signals.joints import by_joint
 from lip_id_ros.signals.status import Level, Status
-from lip_id_ros.signals.torque_steps import limits_in_numbers, require_limits
+from lip_id_ros.signals.torque_steps import limits_in_force, require_limits
 
 TICK_S = 0.02
 
@@ -333,7 +333,7 @@ class ExciteNode(NodeBase):
 
     def _watched(self, motion: NextMotion) -> MotionWatch:
         names, settings = motion.trajectory.joint_names, self._settings
-        limits = limits_in_numbers(settings.effort_limits, settings.effort_limits_from)
+        limits = limits_in_force(settings.effort_limits, settings.effort_limits_from)
         return MotionWatch(
             motion.trajectory,
             by_joint('tracking_tolerance', settings.tracking_tolerance, names, names, np.inf),

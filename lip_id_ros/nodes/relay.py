@@ -19,7 +19,7 @@ ENDINGS = {
     GoalStatus.STATUS_ABORTED: Ending.ABORTED,
 }
 
-LONGEST_STEP_S = 0.2
+LONGEST_WATCH_STEP_S = 0.2
 """The watch looks more often, unless the node is held up."""
 
 ASK_AGAIN_S = 2.0
@@ -35,7 +35,7 @@ class WatchedTime:
 
     def advance(self, steady: float) -> None:
         """Let the time go on to that of a steady clock; of a pause little counts."""
-        self.now += max(0.0, min(steady - self._last, LONGEST_STEP_S))
+        self.now += max(0.0, min(steady - self._last, LONGEST_WATCH_STEP_S))
         self._last = steady
 
 

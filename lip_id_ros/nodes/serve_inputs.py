@@ -29,7 +29,7 @@ from lip_id_ros.nodes.serve_outputs import (
     STD_TOPIC,
 )
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.signals.ages import AgeWatch, StampOrder
+from lip_id_ros.signals.ages import AgeWatch, ReferenceStamps
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 Info = Mapping[str, Any]
@@ -62,7 +62,7 @@ class Inputs:
         self.goals = GoalCounts()
         self._settings = ServeSettings()
         self._ages, self._scaling = AgeWatch(), SpeedScaling()
-        self._order: dict[str, StampOrder] = {}  # by topic
+        self._order: dict[str, ReferenceStamps] = {}  # by topic
         self._answered_at: dict[str, float] = {}
         # raw, so that neither a million names nor points are read
         self._trajectories = node.create_subscription(
@@ -274,7 +274,7 @@ class Inputs:
             with self._references.refusing():
                 stamp_ns = messages.nanoseconds(stamp)
                 age += max(0.0, (self._sent_ns(arrival, now) - stamp_ns) / 1e9)
-                order = self._order.setdefault(topic, StampOrder())
+                order = self._order.setdefault(topic, ReferenceStamps())
                 order.require(stamp_ns, steady)
         served = self._server.sample(names, points, steady, age, speed)
         if order is not None:  # the stamps of what is refused say nothing
