@@ -104,9 +104,7 @@ class Relay:
         theirs = asked.result()
         if not theirs.accepted:
             self._end(goals.rejected(self._controller.action))
-        elif self._has_ended:  # the cancel may have come before the goal
-            self.cancel()
-        else:
+        elif not self._has_ended:
             self._theirs = theirs
             self._ask_for_result()
 
