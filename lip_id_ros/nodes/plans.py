@@ -6,7 +6,8 @@ import time
 
 from trajectory_msgs.msg import JointTrajectory
 
-from lip_id_ros.feedforward.server import LATE_S, Server
+from lip_id_ros.feedforward.served_arm import LATE_S
+from lip_id_ros.feedforward.server import Server
 from lip_id_ros.nodes.messages import nanoseconds, plan_message
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.signals.joints import Refusal, RefusedError

@@ -18,7 +18,8 @@ from lip_id_ros.adaptation.follow_settings import FollowRules
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.feedforward.loading import LoadedModel
 from lip_id_ros.feedforward.refinement import STEP_S
-from lip_id_ros.feedforward.server import EARLY_S, Server
+from lip_id_ros.feedforward.served_arm import EARLY_S
+from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.model import EffortCalibration
 from lip_id_ros.recording.joint_messages import JointMessage
