@@ -9,12 +9,9 @@ from enum import StrEnum
 import numpy as np
 
 from lip_id_ros.adaptation.follow_settings import (
-    blend_setting,
     follow_rules,
     follow_setting,
     FollowRules,
-    limit_setting,
-    timeout_setting,
 )
 from lip_id_ros.arrays import Array
 from lip_id_ros.errors import ConfigError
@@ -237,11 +234,11 @@ class ServeSettings(Settings):
         maximum=1000.0,
     )
     follow_adaptation: bool = follow_setting(
-        AT_ONCE, ' A model that was loaded without this cannot begin to.'
+        'follow_adaptation', AT_ONCE, ' A model that was loaded without this cannot begin to.'
     )
-    blend_s: float = blend_setting(AT_ONCE)
-    adaptation_timeout_s: float = timeout_setting(AT_ONCE)
-    adaptation_limit: tuple[float, ...] = limit_setting(AT_ONCE)
+    blend_s: float = follow_setting('blend_s', AT_ONCE)
+    adaptation_timeout_s: float = follow_setting('adaptation_timeout_s', AT_ONCE)
+    adaptation_limit: tuple[float, ...] = follow_setting('adaptation_limit', AT_ONCE)
     autostart: bool = setting(
         False,
         'Configure and activate at the start, without a launch file that does.',

@@ -199,9 +199,9 @@ class Inputs:
         self._references.received += len(arrived)
         for number, (each, arrival) in enumerate(arrived):
             if number in overtaken:
-                self._unless_refused(self._refuse, Refusal.SUPERSEDED)
+                self._node.unless_refused(self._refuse, Refusal.SUPERSEDED)
             else:
-                self._unless_refused(self._answer, each, arrival)
+                self._node.unless_refused(self._answer, each, arrival)
 
     def _refuse(self, reason: Refusal) -> None:
         with self._references.refusing():
@@ -232,7 +232,7 @@ class Inputs:
         topic = self._optional[0].topic_name
         self._references.received += 1
         arguments = topic, message.header.stamp, names, [reference], self._arrival(info), speed
-        self._unless_refused(self._answer_sample, *arguments)
+        self._node.unless_refused(self._answer_sample, *arguments)
 
     def _on_joint_state(self, message: JointState) -> None:
         """Publish energies and the torque residual while they have subscribers."""
@@ -249,13 +249,7 @@ class Inputs:
 
     def _on_update(self, message: DynamicInterfaceGroupValues) -> None:
         clock_ns = self._node.get_clock().now().nanoseconds
-        self._unless_refused(self._server.take_update, message, time.monotonic(), clock_ns)
-
-    def _unless_refused(self, answer: Callable[..., None], *arguments: Any) -> None:
-        try:
-            answer(*arguments)
-        except RefusedError as refused:
-            self._node.warn_of_refusal(refused)
+        self._node.unless_refused(self._server.take_update, message, time.monotonic(), clock_ns)
 
     def _answer_sample(
         self,
