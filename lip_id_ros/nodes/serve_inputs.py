@@ -92,7 +92,9 @@ class Inputs:
             )
         if settings.controller_action:
             action = settings.controller_action
-            self._goals = Goals(self._node, self._server, self.goals, action)
+            self._goals = goals = Goals(self._node, self._server, self.goals, action)
+            if goals.state_topic not in {each.topic_name for each in self._optional}:
+                self._add(JointTrajectoryControllerState, goals.state_topic, goals.hear)
 
     def warnings(self) -> list[str]:
         """Describe a missing controller, and what may contradict each other unless allowed."""
@@ -228,8 +230,9 @@ class Inputs:
 
     def _on_controller_state(self, message: Any, info: Info) -> None:
         reference, names = message.reference, message.joint_names
-        speed = self._scaling.read(message)
-        topic = self._optional[0].topic_name
+        speed, topic = self._scaling.read(message), self._optional[0].topic_name
+        if self._goals is not None and topic == self._goals.state_topic:
+            self._goals.hear(message)
         self._references.received += 1
         arguments = topic, message.header.stamp, names, [reference], self._arrival(info), speed
         self._node.unless_refused(self._answer_sample, *arguments)
