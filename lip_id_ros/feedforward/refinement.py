@@ -41,8 +41,8 @@ class RefinedPlan:
     `plan`: with the points that were added; they have velocities and accelerations where both
     neighbours have. `tau`: efforts (N, n) of its points [N m or N]. `states`: positions,
     velocities and accelerations (3, N, n) of the motion at its points. `added`: how many of the
-    points were added. `missed`: largest error of efforts that are interpolated, shape (n,), and
-    `bounds` (n,) for which points would be added [N m or N].
+    points were added. `missed`: largest error of efforts that are interpolated, shape (n,)
+    [N m or N], and `is_sparse`: whether that is more than points would be added for.
     """
 
     plan: Plan
@@ -50,12 +50,7 @@ class RefinedPlan:
     states: Array
     added: int
     missed: Array
-    bounds: Array
-
-    @property
-    def misses(self) -> bool:
-        """Whether efforts between the points are further off than points would be added for."""
-        return bool((self.missed > self.bounds).any())
+    is_sparse: bool
 
     def without_first(self) -> RefinedPlan:
         """Return the plan without its first point."""
@@ -65,13 +60,12 @@ class RefinedPlan:
     def in_order(self, joint_names: Sequence[str]) -> RefinedPlan:
         """Return the plan with its joints in another order."""
         columns = [self.plan.joint_names.index(name) for name in joint_names]
-        return RefinedPlan(
-            self.plan.in_order(joint_names),
-            self.tau[:, columns],
-            self.states[:, :, columns],
-            self.added,
-            self.missed[columns],
-            self.bounds[columns],
+        return replace(
+            self,
+            plan=self.plan.in_order(joint_names),
+            tau=self.tau[:, columns],
+            states=self.states[:, :, columns],
+            missed=self.missed[columns],
         )
 
 
@@ -89,8 +83,7 @@ def refined(
     rest = Motion(plan.t[-1:], np.nan_to_num(plan.states[:, -1:]))
     last = _torques(torques, rest)
     if len(plan.t) == 1:
-        none = np.zeros(last.shape[1])
-        return RefinedPlan(plan, last, rest.states, 0, none, none)
+        return RefinedPlan(plan, last, rest.states, 0, np.zeros(last.shape[1]), False)
     look = _looked(plan, torques, last, least_error, share, adds)
     rows = np.union1d(look.begins, look.ends)
     if adds:
@@ -107,10 +100,11 @@ def refined(
         here = np.flatnonzero(added)[n_known > kind]
         points[kind, here] = states[kind, here]
     points[:, ~added], t[~added] = plan.states, plan.t
-    missed = look.errors(rows).max(axis=0) * look.bounds
+    missed = look.errors(rows).max(axis=0)
     made = Plan(plan.joint_names, t, points)
     tau = look.bounds * look.given[rows]
-    return RefinedPlan(made, tau, states, int(added.sum()), missed, look.bounds)
+    is_sparse = bool((missed > 1.0).any())
+    return RefinedPlan(made, tau, states, int(added.sum()), look.bounds * missed, is_sparse)
 
 
 @dataclass(frozen=True, eq=False)

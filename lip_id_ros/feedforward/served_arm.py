@@ -139,7 +139,7 @@ class ServedArm:
         shaped = self.shaper.plan(found.tau, found.plan.t, found.states)
         self._counts['late_plans'] += late > LATE_S
         self._counts['added_points'] += found.added
-        self._counts['sparse_plans'] += not adds and found.misses
+        self._counts['sparse_plans'] += not adds and found.is_sparse
         order = [*names, *(each for each in self.joint_names if each not in names)]
         return replace(found, tau=shaped).in_order(order)
 
