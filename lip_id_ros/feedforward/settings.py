@@ -160,7 +160,7 @@ class ServeSettings(Settings):
         'cut',
         'For plans whose torques would exceed torque_limits, at their points or between them: '
         'cut the torques, refuse the plan, or slow it down until it fits (not below a tenth of '
-        'its speed).',
+        'its speed). Looking at a plan of 10 s takes about 10 ms, at one of minutes up to 0.2 s.',
         choices=tuple(Overload),
     )
     range_policy: str = setting(
