@@ -30,6 +30,7 @@ from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.model import InverseDynamicsModel
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.nodes.running import make_executor, spinning
+from lip_id_ros.signals.joint_states import NANOSECONDS
 from lip_id_ros.simulation import panda, SinusoidTrajectory
 from lip_id_ros.simulation.arm import MOTION
 
@@ -223,7 +224,7 @@ def references() -> list[JointTrajectory]:
 
 def numbered(message: bytearray, number: int) -> bytes:
     """Stamp a serialized reference with its number; a stamp of zero would mean now."""
-    STAMP.pack_into(message, STAMP_OFFSET, *divmod(number + 2, messages.NANOSECONDS))
+    STAMP.pack_into(message, STAMP_OFFSET, *divmod(number + 2, NANOSECONDS))
     return bytes(message)
 
 
@@ -235,7 +236,7 @@ def missed(ms: Sequence[float], count: int, most_ms: float) -> float:
 def number_of(answer: JointState) -> int:
     """Return the number of the reference that is answered."""
     stamp = answer.header.stamp
-    return int(stamp.sec * messages.NANOSECONDS + stamp.nanosec - 2)
+    return int(stamp.sec * NANOSECONDS + stamp.nanosec - 2)
 
 
 def safe(answer: JointState) -> bool:

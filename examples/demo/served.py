@@ -22,6 +22,7 @@ from lip_id_ros.model import TorqueModel
 from lip_id_ros.nodes import messages, qos
 from lip_id_ros.recording.bag_writer import RawBag
 from lip_id_ros.recording.bags import Bag
+from lip_id_ros.signals.joint_states import NANOSECONDS
 from lip_id_ros.simulation import panda, SinusoidTrajectory
 from lip_id_ros.simulation.arm import Dynamics, MOTION
 
@@ -220,8 +221,8 @@ def require_efforts(bag_path: str | os.PathLike[str]) -> None:
         points = [point for _, plan in bag.messages(PLAN_WITH_EFFORT) for point in plan.points]
     n_joints = len(panda().joint_names)
     after = [point.time_from_start for point in points]
-    times = Counter(messages.NANOSECONDS * each.sec + each.nanosec for each in after)
-    asked = [round(messages.NANOSECONDS * STEP_S * number) for number in range(N_POINTS)]
+    times = Counter(NANOSECONDS * each.sec + each.nanosec for each in after)
+    asked = [round(NANOSECONDS * STEP_S * number) for number in range(N_POINTS)]
     n_back = sum(times[each] == 1 for each in asked)
     if n_back != N_POINTS or any(len(point.effort) != n_joints for point in points):
         raise DataError(

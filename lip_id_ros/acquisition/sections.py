@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from lip_id_ros.recording import JointSamples, Reason, SampleBuffer
 from lip_id_ros.recording.bag_writer import JointStateTrack
 from lip_id_ros.recording.joint_messages import JointMessage
-from lip_id_ros.signals.joint_states import CONFIRMED_BY, LONGEST_STEP_S, NANOSECONDS
+from lip_id_ros.signals.joint_states import JUMP_CONFIRMED_BY, LONGEST_STAMP_STEP_S, NANOSECONDS
 
-LONGEST_STEP_NS = round(LONGEST_STEP_S * NANOSECONDS)
+LONGEST_STAMP_STEP_NS = round(LONGEST_STAMP_STEP_S * NANOSECONDS)
 
 MOST_NAMES = 20
 """So many foreign joints are named, where messages have an endless variety."""
@@ -105,22 +105,22 @@ class Sections:
             return None  # there is nothing to compare, or the buffer knows what is wrong
         if stamp < last and len(self._closed) + 1 < MOST_SECTIONS:
             return Reason.BACKWARD_STAMP
-        return Reason.FAR_STAMP if stamp > last + LONGEST_STEP_NS else None
+        return Reason.FAR_STAMP if stamp > last + LONGEST_STAMP_STEP_NS else None
 
     def _hold(self, stamp: int, message: JointMessage, doubt: Reason) -> Reason:
         reason = self._trial(stamp).add(*message) or doubt
-        if self._max_rows - len(self) < CONFIRMED_BY:
+        if self._max_rows - len(self) < JUMP_CONFIRMED_BY:
             reason = Reason.BUFFER_FULL
         self._current.reject(reason)
         if reason is doubt:
             self._held.append((stamp, message, doubt))
-        if len(self._held) == CONFIRMED_BY:
+        if len(self._held) == JUMP_CONFIRMED_BY:
             self._follow()
         return reason
 
     def _trial(self, stamp: int) -> SampleBuffer:
         """Return where doubted messages are checked, empty unless this stamp follows the last."""
-        if not 0 <= stamp - self._held_in.last_stamp_ns <= LONGEST_STEP_NS:
+        if not 0 <= stamp - self._held_in.last_stamp_ns <= LONGEST_STAMP_STEP_NS:
             self._drop_held()
         return self._held_in
 
@@ -137,4 +137,4 @@ class Sections:
 
     def _drop_held(self) -> None:
         self._held: list[tuple[int, JointMessage, Reason]] = []
-        self._held_in = SampleBuffer(self.joint_names, expected_rows=CONFIRMED_BY)
+        self._held_in = SampleBuffer(self.joint_names, expected_rows=JUMP_CONFIRMED_BY)

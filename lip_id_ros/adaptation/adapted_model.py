@@ -17,7 +17,7 @@ from lip_id_ros.rigid_body import LINK_PARAMETERS
 from lip_id_ros.signals.joint_states import NANOSECONDS
 from lip_id_ros.signals.joints import Refusal, RefusedError
 from lip_id_ros.signals.status import in_words, Tally
-from lip_id_ros.signals.torque_steps import LONGEST_STEP_S
+from lip_id_ros.signals.torque_steps import LONGEST_TORQUE_STEP_S
 
 STATES = 100
 """Of the training data, at most, at which a change of torques is measured."""
@@ -154,9 +154,9 @@ class AdaptedModel:
         return float(self._potential @ self._served[: self._potential.size])
 
     def advance(self, now: float) -> None:
-        """Let the blend go on; no more than `LONGEST_STEP_S` counts between two calls."""
+        """Let the blend go on; no more than `LONGEST_TORQUE_STEP_S` counts between two calls."""
         if self._share < 1.0 and np.isfinite(self._at):
-            elapsed = min(max(now - self._at, 0.0), LONGEST_STEP_S)
+            elapsed = min(max(now - self._at, 0.0), LONGEST_TORQUE_STEP_S)
             duration = self.rules.blend_s
             self._share += elapsed / duration if duration > 0.0 else 1.0
             self._serve()
@@ -171,9 +171,9 @@ class AdaptedModel:
         if self._memory is not None:
             self._memory.use(self._served[self._arm.friction])
 
-    def new_trouble(self) -> str:
+    def take_new_trouble(self) -> str:
         """Return in words what went wrong with updates since the last call, empty if nothing."""
-        refused = self.tally.new_refusals()
+        refused = self.tally.take_new_refusals()
         if refused:
             return f'updates refused: {in_words(refused)}'
         if self.rules.follows and self._is_silent:

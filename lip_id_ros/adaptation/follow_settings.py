@@ -29,45 +29,32 @@ class FollowRules:
     follows: bool = True
 
 
-def follow_setting(applies: str, more: str = '') -> Any:
-    """Declare whether updates are followed."""
-    return setting(
-        False, f'Follow the updates of the model that adapt publishes.{more}', applies=applies
-    )
-
-
-def blend_setting(applies: str) -> Any:
-    """Declare the time of a blend."""
-    return setting(
+FOLLOWING: dict[str, tuple[Any, str, dict[str, Any]]] = {
+    'follow_adaptation': (False, 'Follow the updates of the model that adapt publishes.', {}),
+    'blend_s': (
         2.0,
         'Time in which torques go over to an update, or back to the commissioned model.',
-        unit='s',
-        minimum=0.0,
-        maximum=60.0,
-        applies=applies,
-    )
-
-
-def timeout_setting(applies: str) -> Any:
-    """Declare the age beyond which no update is followed."""
-    return setting(
+        {'unit': 's', 'minimum': 0.0, 'maximum': 60.0},
+    ),
+    'adaptation_timeout_s': (
         5.0,
         'Age beyond which an update is not followed, and the commissioned model comes back.',
-        unit='s',
-        minimum=0.1,
-        applies=applies,
-    )
-
-
-def limit_setting(applies: str) -> Any:
-    """Declare the largest change of a torque."""
-    return setting(
+        {'unit': 's', 'minimum': 0.1},
+    ),
+    'adaptation_limit': (
         (2.0,),
         'Largest change of a torque by an update, at the states of the training data, in the '
         f'largest torque of the joint there; updates beyond are refused. {PER_JOINT}',
-        minimum=0.0,
-        applies=applies,
-    )
+        {'minimum': 0.0},
+    ),
+}
+"""Default, description and bounds of each setting."""
+
+
+def follow_setting(name: str, applies: str, more: str = '') -> Any:
+    """Declare one of `FOLLOWING`, with more to say of it."""
+    default, description, bounds = FOLLOWING[name]
+    return setting(default, description + more, applies=applies, **bounds)
 
 
 def follow_rules(settings: Any, joint_names: Sequence[str]) -> FollowRules:

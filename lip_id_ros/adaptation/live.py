@@ -22,7 +22,12 @@ from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.settings import executor_setting, setting, Settings
 from lip_id_ros.settings.settings import AT_START
 from lip_id_ros.signals.filters import LONGEST_GAP_S, LowPass
-from lip_id_ros.signals.joint_states import continued, JointStateReader, MeasuredState, StampWatch
+from lip_id_ros.signals.joint_states import (
+    in_nearest_turn,
+    JointStateReader,
+    MeasuredState,
+    StampWatch,
+)
 from lip_id_ros.signals.joints import Refusal, RefusedError, require_joints, require_unique
 from lip_id_ros.signals.status import in_words, Level, Status, Tally
 
@@ -170,7 +175,7 @@ class LiveAdaptation:
             signals = np.stack([measured.q, measured.dq, measured.tau, sign])
             if not (np.abs(signals) <= MOST).all():
                 raise RefusedError(Refusal.TOO_LARGE)
-            signals[0] = self._q = continued(measured.q, self._q, self._is_revolute)
+            signals[0] = self._q = in_nearest_turn(measured.q, self._q, self._is_revolute)
             self._tally.used[self._use(measured, signals)] += 1
 
     def _use(self, measured: MeasuredState, signals: Array) -> str:
@@ -182,7 +187,7 @@ class LiveAdaptation:
             return 'too_soon'
         (q, dq, torque, sign), (_, ddq, _, _) = filtered
         # in the turn that is reported, as in the data of the fit
-        state = np.stack([continued(q, measured.q, self._is_revolute), dq, ddq])
+        state = np.stack([in_nearest_turn(q, measured.q, self._is_revolute), dq, ddq])
         margin = 0.5 * RANGE_MARGIN * (self._high - self._low)
         self._last_t = measured.t
         if (state < self._low - margin).any() or (state > self._high + margin).any():
@@ -300,7 +305,7 @@ class LiveAdaptation:
         """Return the state and all counts; `now` as for `step`."""
         silence = 0.0 if self._used_at is None else now - self._used_at
         is_silent = silence > SILENCE_S or not self._n_used
-        refused, are_sparse = self._tally.new_refusals(), self._are_sparse()
+        refused, are_sparse = self._tally.take_new_refusals(), self._are_sparse()
         trouble = f'joint states refused: {in_words(refused)}' if refused else 'no joint states'
         doubts = [
             *self._alarms.values(),

@@ -117,28 +117,33 @@ class Plan:
         return Plan(self.joint_names, np.concatenate([[0.0, early_s], self.t]), states)
 
     def motion(self, step_s: float) -> Motion:
-        """
-        Sample what is executed, at steps of `step_s` or less, with both ends of every segment.
-
-        Longer steps are taken where there would be more than `MOST_SAMPLES`, shorter ones where a
-        segment would have fewer than `LEAST_STEPS`.
-
-        """
-        return self.motion_of_segments(step_s)[0]
-
-    def motion_of_segments(self, step_s: float) -> tuple[Motion, IndexArray]:
-        """Return `motion`, and at which of its times each segment begins, shape (N - 1,)."""
+        """Sample what is executed at `even_times`."""
         if len(self.t) == 1:
-            return Motion(self.t, np.nan_to_num(self.states)), np.zeros(0, dtype=np.intp)
+            return Motion(self.t, np.nan_to_num(self.states))
+        return self.motion_at(*self.even_times(step_s))
+
+    def even_times(
+        self, step_s: float, most: int = MOST_SAMPLES, least: int | IndexArray = LEAST_STEPS
+    ) -> tuple[IndexArray, Array]:
+        """
+        Return the segments of samples, and their times within these [s], both ends among them.
+
+        Steps are `step_s` or less; longer where there would be more than `most`, and shorter where
+        a segment would have fewer than the `least`.
+
+        """
         seconds = np.diff(self.t)
-        step_s = max(step_s, (self.t[-1] - self.t[0]) / MOST_SAMPLES)
-        steps = np.maximum(LEAST_STEPS, np.ceil(seconds / step_s)).astype(np.intp)
+        step_s = max(step_s, (self.t[-1] - self.t[0]) / most)
+        steps = np.maximum(least, np.ceil(seconds / step_s)).astype(np.intp)
         segment = np.repeat(np.arange(len(steps)), steps + 1)
         first = np.cumsum(steps + 1) - (steps + 1)
         share = (np.arange(len(segment)) - first[segment]) / steps[segment]
-        within = np.minimum(share, BEFORE_END) * seconds[segment]
+        return segment, np.minimum(share, BEFORE_END) * seconds[segment]
+
+    def motion_at(self, segment: IndexArray, within: Array) -> Motion:
+        """Return what is executed in segments (M,) at times (M,) since their begin [s]."""
         states = _evaluated(self._coefficients()[:, segment], within)
-        return Motion(self.t[segment] + within, states), first
+        return Motion(self.t[segment] + within, states)
 
     def _coefficients(self) -> Array:
         """

@@ -11,7 +11,7 @@ from lip_id_ros.model import DynamicsModel, InverseDynamicsModel, Query
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.filters import LowPass
 from lip_id_ros.signals.joint_states import (
-    continued,
+    in_nearest_turn,
     JointStateReader,
     MeasuredState,
     NANOSECONDS,
@@ -19,7 +19,7 @@ from lip_id_ros.signals.joint_states import (
 )
 from lip_id_ros.signals.joints import RefusedError
 
-LONGEST_STEP_S = 0.5
+LONGEST_MEASURED_STEP_S = 0.5
 """A stamp that is further ahead, beyond the time its message was in coming, is doubted."""
 
 
@@ -29,7 +29,7 @@ class MeasuredArm:
     def __init__(self, loaded: LoadedModel, cutoff_hz: float) -> None:
         self._loaded = loaded
         self._reader = JointStateReader(loaded.joint_names, loaded.calibration)
-        self._stamps = StampWatch(LONGEST_STEP_S)
+        self._stamps = StampWatch(LONGEST_MEASURED_STEP_S)
         self._cutoff_hz, self._low_pass = cutoff_hz, LowPass(cutoff_hz)
         self._is_revolute = np.asarray(~is_prismatic(loaded.model.joint_types))
         self._q: Array | None = None
@@ -63,13 +63,13 @@ class MeasuredArm:
         """
         if measured.tau is None:
             return None
-        self._q = continued(measured.q, self._q, self._is_revolute)
+        self._q = in_nearest_turn(measured.q, self._q, self._is_revolute)
         signals = np.stack([self._q, measured.dq, measured.tau])
         filtered = self._low_pass.add(measured.t, signals)
         if filtered is None:
             return None
         (q, dq, tau), (_, ddq, _) = filtered
-        q = continued(q, measured.q, self._is_revolute)
+        q = in_nearest_turn(q, measured.q, self._is_revolute)
         with np.errstate(all='ignore'):
             residual = tau - self.model_of_filtered_torques().query(q, dq, ddq).tau
         return residual if np.isfinite(residual).all() else None

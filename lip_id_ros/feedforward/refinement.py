@@ -13,27 +13,36 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lip_id_ros.arrays import Array, IndexArray
+from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.feedforward.interpolation import Motion, Plan, Torques
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 STEP_S = 0.01
 """Points are not added more closely: controllers run at 100 to 1000 Hz."""
 
+FIRST_SAMPLES, FIRST_STEPS, STRAIGHT = 2500, 3, 0.5
+"""
+A long plan is looked at so often at first, and in so many steps of a segment. Where torques of
+neighbours are off a line by more than a share of their bounds, steps are halved down to `STEP_S`.
+"""
+
+MOST_SAMPLES = 40_000
+"""They take 0.1 to 0.2 s; a plan that needs more is refused."""
+
 TINY = 1e-9
 """In place of a bound of zero [N m or N]."""
 
 
 @dataclass(frozen=True, eq=False)
-class Filled:
+class RefinedPlan:
     """
     A plan with efforts.
 
     `plan`: with the points that were added; they have velocities and accelerations where both
     neighbours have. `tau`: efforts (N, n) of its points [N m or N]. `states`: positions,
     velocities and accelerations (3, N, n) of the motion at its points. `added`: how many of the
-    points were added. `missed`: largest error of efforts that are interpolated, shape (n,), and
-    `bounds` (n,) for which points would be added [N m or N].
+    points were added. `missed`: largest error of efforts that are interpolated, shape (n,)
+    [N m or N], and `is_sparse`: whether that is more than points would be added for.
     """
 
     plan: Plan
@@ -41,124 +50,171 @@ class Filled:
     states: Array
     added: int
     missed: Array
-    bounds: Array
+    is_sparse: bool
 
-    @property
-    def misses(self) -> bool:
-        """Whether efforts between the points are further off than points would be added for."""
-        return bool((self.missed > self.bounds).any())
-
-    def without_first(self) -> Filled:
+    def without_first(self) -> RefinedPlan:
         """Return the plan without its first point."""
         plan = Plan(self.plan.joint_names, self.plan.t[1:], self.plan.states[:, 1:])
         return replace(self, plan=plan, tau=self.tau[1:], states=self.states[:, 1:])
 
-    def in_order(self, joint_names: Sequence[str]) -> Filled:
+    def in_order(self, joint_names: Sequence[str]) -> RefinedPlan:
         """Return the plan with its joints in another order."""
         columns = [self.plan.joint_names.index(name) for name in joint_names]
-        return Filled(
-            self.plan.in_order(joint_names),
-            self.tau[:, columns],
-            self.states[:, :, columns],
-            self.added,
-            self.missed[columns],
-            self.bounds[columns],
+        return replace(
+            self,
+            plan=self.plan.in_order(joint_names),
+            tau=self.tau[:, columns],
+            states=self.states[:, :, columns],
+            missed=self.missed[columns],
         )
 
 
-def filled(
-    plan: Plan, torques: Torques, least_error: Array, share: float, *, adds: bool = True
-) -> Filled:
+def refined(
+    plan: Plan, torques: Torques, least_error: Array, share: float, most: int, *, adds: bool = True
+) -> RefinedPlan:
     """
     Compute efforts at the points of a plan, and at as many between as linear interpolation needs.
 
     Its error stays within `least_error` (n,) [N m or N], or a share of the largest torque, but for
     `STEP_S` beside points at which accelerations step. `adds`: whether points are added.
+    RefusedError if a torque is not finite, or it would take more than `most` points.
     """
-    motion, begins = plan.motion_of_segments(STEP_S)
-    t, (q, dq, ddq) = motion
-    tau = torques(q, dq, ddq, t)
-    ends = np.append(begins[1:], len(t)) - 1 if len(begins) else begins
-    if not np.isfinite(tau).all():
-        raise RefusedError(Refusal.NOT_FINITE_TORQUE)
-    bounds = np.maximum(least_error, share * np.abs(tau).max(axis=0)) + TINY
-    rest = np.nan_to_num(plan.states[:, -1:])  # what is held at the end
-    last = torques(rest[0], rest[1], rest[2], t[-1:])[0]
-    # of the two sides of a point
-    given = np.concatenate([tau[:1], 0.5 * (tau[ends[:-1]] + tau[begins[1:]]), last[None]])
+    # what is held at the end
+    rest = Motion(plan.t[-1:], np.nan_to_num(plan.states[:, -1:]))
+    last = _torques(torques, rest)
     if len(plan.t) == 1:
-        given = last[None]
-    rows, of_plan = _chosen(motion, tau, given, begins, ends, bounds if adds else None)
-    added = of_plan < 0
-    states, points = motion.states[:, rows], np.full((3, len(rows), q.shape[1]), np.nan)
-    n_known = _known(plan)[np.searchsorted(begins, rows[added], 'right') - 1]
+        return RefinedPlan(plan, last, rest.states, 0, np.zeros(last.shape[1]), False)
+    look = _looked(plan, torques, last, least_error, share, adds)
+    rows = np.union1d(look.begins, look.ends)
+    if adds:
+        rows = _with_needed(look, rows)
+    # a point is the end of one segment and the begin of the next
+    rows = rows[(look.number[rows] < 0) | np.isin(rows, [0, *look.ends])]
+    if len(rows) > most:
+        raise RefusedError(Refusal.TOO_LONG)
+    of_plan = look.number[rows]
+    added, states = of_plan < 0, look.motion.states[:, rows]
+    points, t = np.full_like(states, np.nan), look.motion.t[rows]
+    n_known = _known(plan)[look.segment[rows[added]]]
     for kind in range(3):
         here = np.flatnonzero(added)[n_known > kind]
         points[kind, here] = states[kind, here]
-    points[:, ~added] = plan.states[:, of_plan[~added]]
-    times = np.where(added, t[rows], plan.t[np.maximum(of_plan, 0)])
-    efforts = np.where(added[:, None], tau[rows], given[np.maximum(of_plan, 0)])
-    missed = np.abs(tau - _interpolated(t, times, efforts)).max(axis=0)
-    made = Plan(plan.joint_names, times, points)
-    return Filled(made, efforts, states, int(added.sum()), missed, bounds)
+    points[:, ~added], t[~added] = plan.states, plan.t
+    missed = look.errors(rows).max(axis=0)
+    made = Plan(plan.joint_names, t, points)
+    tau = look.bounds * look.given[rows]
+    is_sparse = bool((missed > 1.0).any())
+    return RefinedPlan(made, tau, states, int(added.sum()), look.bounds * missed, is_sparse)
 
 
-def _chosen(
-    motion: Motion,
-    tau: Array,
-    given: Array,
-    begins: IndexArray,
-    ends: IndexArray,
-    bounds: Array | None,
-) -> tuple[IndexArray, IndexArray]:
-    """Return rows of a motion, and the points of the plan that they are, -1 where added."""
-    if not len(begins):
-        return np.array([0]), np.array([0])
-    rows, points = [int(begins[0])], [0]
-    for number, (begin, end) in enumerate(zip(begins.tolist(), ends.tolist(), strict=True)):
-        if bounds is not None and motion.t[end] - motion.t[begin] > 2.0 * STEP_S:
-            between = _between(
-                motion.t[begin : end + 1],
-                tau[begin : end + 1] / bounds,
-                given[number] / bounds,
-                given[number + 1] / bounds,
-            )
-            rows += [begin + row for row in between]
-            points += [-1] * len(between)
-        rows.append(end)
-        points.append(number + 1)
-    return np.array(rows), np.array(points)
-
-
-def _between(t: Array, tau: Array, first: Array, last: Array) -> list[int]:
+@dataclass(frozen=True, eq=False)
+class _Look:
     """
-    Return the rows of a segment (N, n) at which points are needed, both ends left out.
+    Samples of a motion in the order of time, M, with torques (M, n) in units of `bounds` (n,).
 
-    Torques are in units of their bounds. `first` and `last` are the efforts of the ends: where
-    these are means of both sides, or those of rest, the neighbour is needed too.
+    `segment` of each (M,), and the `number` of the point that it is (M,), or -1. `given`: torques
+    with efforts at the points: means of both sides, and those of rest at the end.
     """
-    end = len(t) - 1
-    needed = {0, end}
-    if np.abs(tau[0] - first).max() > 1.0:
-        needed.add(1)
-    if np.abs(tau[end] - last).max() > 1.0:
-        needed.add(end - 1)
-    known = tau.copy()
-    known[0], known[end] = first, last
-    parts = list(zip(sorted(needed)[:-1], sorted(needed)[1:], strict=True))
-    while parts:
-        low, high = parts.pop()
-        if high - low < 2:
-            continue
-        share = ((t[low:high] - t[low]) / (t[high] - t[low]))[:, None]
-        error = np.abs(tau[low:high] - (1.0 - share) * known[low] - share * known[high])
-        error[0] = 0.0
-        worst = int(np.argmax(error.max(axis=1)))
-        if error[worst].max() > 1.0:
-            middle = low + worst
-            needed.add(middle)
-            parts += [(low, middle), (middle, high)]
-    return sorted(needed - {0, end})
+
+    segment: IndexArray
+    motion: Motion
+    tau: Array
+    given: Array
+    bounds: Array
+
+    @property
+    def begins(self) -> IndexArray:
+        return np.flatnonzero(np.diff(self.segment, prepend=-1))
+
+    @property
+    def ends(self) -> IndexArray:
+        return np.flatnonzero(np.diff(self.segment, append=self.segment[-1] + 1))
+
+    @property
+    def number(self) -> IndexArray:
+        number = np.full(len(self.segment), -1, dtype=np.intp)
+        number[self.begins], number[self.ends] = np.arange(len(self.ends)), self.segment[self.ends]
+        number[self.ends] += 1
+        return number
+
+    def errors(self, rows: IndexArray) -> Array:
+        """Return errors (M, n) of torques that are interpolated between those of some rows."""
+        t, of_rows = self.motion.t, self.motion.t[rows]
+        lines = [np.interp(t, of_rows, each) for each in self.given[rows].T]
+        return np.asarray(np.abs(self.tau - np.stack(lines, axis=1)))
+
+
+def _looked(
+    plan: Plan, torques: Torques, last: Array, least_error: Array, share: float, closely: bool
+) -> _Look:
+    """Sample a plan, where that is asked for as closely as its torques are bent in time."""
+    segment, within = _first_times(plan)
+    while True:
+        motion = plan.motion_at(segment, within)
+        tau = _torques(torques, motion)
+        bounds = np.maximum(least_error, share * np.abs(tau).max(axis=0)) + TINY
+        given, last_of = tau.copy(), np.flatnonzero(np.diff(segment))
+        given[last_of] = given[last_of + 1] = 0.5 * (tau[last_of] + tau[last_of + 1])
+        given[-1] = last[0]
+        look = _Look(segment, motion, tau / bounds, given / bounds, bounds)
+        step = np.diff(motion.t, append=motion.t[-1])
+        parts = 1 + (_is_bent(look) & (step > 1.5 * STEP_S))
+        if not closely or parts.max() == 1:
+            return look
+        if parts.sum() > MOST_SAMPLES:
+            raise RefusedError(Refusal.TOO_LONG)
+        rows = np.repeat(np.arange(len(parts)), parts)
+        nth = np.arange(len(rows)) - (np.cumsum(parts) - parts)[rows]
+        within = within[rows] + nth / parts[rows] * step[rows]
+        segment = segment[rows]
+
+
+def _first_times(plan: Plan) -> tuple[IndexArray, Array]:
+    """Return segments and times within these [s], `STEP_S` beside points among them."""
+    seconds = np.diff(plan.t)
+    least = np.where(seconds > 2.0 * STEP_S, FIRST_STEPS, 1)
+    segment, within = plan.even_times(STEP_S, FIRST_SAMPLES, least)
+    wide = np.flatnonzero(seconds > 1.5 * STEP_S * (np.bincount(segment) - 1))
+    segment = np.concatenate([segment, wide, wide])
+    within = np.concatenate([within, np.full(len(wide), STEP_S), seconds[wide] - STEP_S])
+    order = np.lexsort([within, segment])
+    return segment[order], within[order]
+
+
+def _is_bent(look: _Look) -> BoolArray:
+    """Return whether torques are not straight at one of the ends of the step after a sample."""
+    t, tau, bent = look.motion.t, look.tau, look.number < 0
+    share = ((t[1:-1] - t[:-2]) / (t[2:] - t[:-2]))[:, np.newaxis]
+    off = np.abs(tau[1:-1] - (1.0 - share) * tau[:-2] - share * tau[2:]).max(axis=1)
+    bent[1:-1] &= off > STRAIGHT
+    bent[:-1] |= bent[1:]
+    bent[look.ends] = False
+    return bent
+
+
+def _with_needed(look: _Look, rows: IndexArray) -> IndexArray:
+    """Return rows, with those between at which the error of interpolation is too large."""
+    seconds = look.motion.t[look.ends] - look.motion.t[look.begins]
+    may = (seconds > 2.0 * STEP_S)[look.segment]
+    off = np.abs(look.given - look.tau).max(axis=1) > 1.0
+    beside = np.concatenate([look.begins[off[look.begins]] + 1, look.ends[off[look.ends]] - 1])
+    rows = np.union1d(rows, beside[may[beside]])
+    while True:
+        error = np.where(may, look.errors(rows).max(axis=1), 0.0)
+        error[rows] = 0.0
+        worst = np.repeat(np.maximum.reduceat(error, rows), np.diff(rows, append=len(error)))
+        needed = np.flatnonzero((error > 1.0) & (error == worst))
+        if not len(needed):
+            return rows
+        rows = np.union1d(rows, needed)
+
+
+def _torques(torques: Torques, motion: Motion) -> Array:
+    t, (q, dq, ddq) = motion
+    tau = torques(q, dq, ddq, t)
+    if not np.isfinite(tau).all():
+        raise RefusedError(Refusal.NOT_FINITE_TORQUE)
+    return tau
 
 
 def _known(plan: Plan) -> IndexArray:
@@ -166,7 +222,3 @@ def _known(plan: Plan) -> IndexArray:
     has = ~np.isnan(plan.states[1:]).any(axis=-1)  # (2, N)
     both = has[:, :-1] & has[:, 1:]
     return np.asarray(1 + both[0] + (both[0] & both[1]), dtype=np.intp)
-
-
-def _interpolated(t: Array, times: Array, efforts: Array) -> Array:
-    return np.stack([np.interp(t, times, each) for each in efforts.T], axis=1)

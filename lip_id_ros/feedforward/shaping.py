@@ -118,7 +118,7 @@ class Shaper:
             self.begin()
         duration_s = self.rules.safe_ramp_s if is_safe else self.rules.ramp_s
         ramped = self._ramp.blend(self.sent.tau, wanted, now, duration_s)
-        rated = self.sent.toward(ramped, now, self.rules.rates)
+        rated = self.sent.step_toward(ramped, now, self.rules.rates)
         self._counts['limited'] += int(limited.any())
         self._counts['rate_limited'] += int((rated != ramped).any())
         # again, since the limits may have become narrower than what was sent last

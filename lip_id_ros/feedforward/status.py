@@ -35,13 +35,13 @@ class ServeCounts:
             'unmeasured': dict(joint_states.refused),
         }
 
-    def new_alarms(self) -> Counter[str]:
+    def take_new_alarms(self) -> Counter[str]:
         """Return what deserves a warning and was counted since the last call."""
         doubtful = Counter({key: self.torques[key] for key in ALARMING})
         new, self._judged = doubtful - self._judged, doubtful
-        states = self.joint_states.new_refusals()
+        states = self.joint_states.take_new_refusals()
         return (
             new
-            + self.references.new_refusals()
+            + self.references.take_new_refusals()
             + Counter({f'joint states: {reason}': n for reason, n in states.items()})
         )

@@ -20,9 +20,9 @@ from lip_id_ros.monitoring.observers import EnergyBalance, EnergyMonitor, Predic
 from lip_id_ros.monitoring.settings import MonitorSettings
 from lip_id_ros.recording.joint_messages import JointMessage
 from lip_id_ros.signals.joint_states import (
-    CONFIRMED_BY,
-    continued,
+    in_nearest_turn,
     JointStateReader,
+    JUMP_CONFIRMED_BY,
     MeasuredState,
     NANOSECONDS,
     StampWatch,
@@ -107,7 +107,7 @@ class Monitor:
         new, self._before = counts - self._before, counts
         if self._received_at is None or new['received']:
             self._received_at = now
-        refused = self._tally.new_refusals()
+        refused = self._tally.take_new_refusals()
         self._n_unusable += new['received'] - new['watched'] - new['too_soon']
         self._refused.update(refused)
         if new['watched']:
@@ -135,7 +135,7 @@ class Monitor:
         apart = f'more than {self._longest_gap_s:g} s apart'
         if silence > SILENCE_S:
             return Level.ERROR, f'blind: no joint states for {silence:.0f} s'
-        if self._n_unusable >= CONFIRMED_BY:
+        if self._n_unusable >= JUMP_CONFIRMED_BY:
             trouble = f'refused: {in_words(self._refused)}' if self._refused else apart
             return Level.ERROR, f'blind: joint states {trouble}'
         if self.contacts.failure:
@@ -144,7 +144,7 @@ class Monitor:
             return Level.WARN, f'joint states refused: {in_words(refused)}'
         if new['after_a_gap'] > 1:
             return Level.WARN, f'{new["after_a_gap"]} joint states not watched: they came {apart}'
-        if self._adapted is not None and (trouble := self._adapted.new_trouble()):
+        if self._adapted is not None and (trouble := self._adapted.take_new_trouble()):
             return Level.WARN, trouble
         return Level.OK, self.contacts.state
 
@@ -157,7 +157,7 @@ class Monitor:
             self._begin_anew()
         if self._adapted is not None:
             self._adapted.advance(measured.t)
-        self._q = continued(measured.q, self._q, self._is_revolute)
+        self._q = in_nearest_turn(measured.q, self._q, self._is_revolute)
         state = (measured.t, self._q, measured.dq, measured.tau)
         external, energy = self._external.update(*state), self._energy.update(*state)
         estimates = (external.torque, external.terms, energy.unexplained)

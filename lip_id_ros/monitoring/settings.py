@@ -5,10 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lip_id_ros.adaptation.follow_settings import (
-    blend_setting,
     follow_setting,
-    limit_setting,
-    timeout_setting,
 )
 from lip_id_ros.monitoring.detection import LEAST_AT_REST, TORQUE_ERROR
 from lip_id_ros.monitoring.external_torque import BANDWIDTH
@@ -90,8 +87,8 @@ class MonitorSettings(Settings):
     hold_s: float = setting(
         0.5, 'How long a contact is published at least.', unit='s', minimum=0.0, applies=AT_START
     )
-    follow_adaptation: bool = follow_setting(AT_START)
-    blend_s: float = blend_setting(AT_START)
-    adaptation_timeout_s: float = timeout_setting(AT_START)
-    adaptation_limit: tuple[float, ...] = limit_setting(AT_START)
+    follow_adaptation: bool = follow_setting('follow_adaptation', AT_START)
+    blend_s: float = follow_setting('blend_s', AT_START)
+    adaptation_timeout_s: float = follow_setting('adaptation_timeout_s', AT_START)
+    adaptation_limit: tuple[float, ...] = follow_setting('adaptation_limit', AT_START)
     executor: str = executor_setting()

@@ -21,7 +21,6 @@ from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.running import outcome
 from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.settings import parameters_of
-from lip_id_ros.signals.joints import RefusedError
 from lip_id_ros.signals.status import Status
 
 WATCH_PERIOD_S = 0.05
@@ -74,10 +73,7 @@ class AdaptNode(NodeBase):
         return AdaptSettings(**self.values())
 
     def _on_joint_state(self, message: JointState) -> None:
-        try:
-            self._live.take(from_joint_state(message))
-        except RefusedError as refused:
-            self.warn_of_refusal(refused)
+        self.unless_refused(self._live.take, from_joint_state(message))
 
     def _watch(self) -> None:
         """Publish what came of the last step, and begin the next when it is due."""

@@ -55,6 +55,7 @@ class Controller:
         self._connect()
         self._pending: dict[bytes, _Cancel] = {}
         self._unanswered: dict[bytes, float] = {}  # goals, and when they were sent
+        self._unwanted: set[bytes] = set()  # of these, what was cancelled
 
     def _connect(self) -> None:
         """Create the client of cancels, whose endpoints the middleware finds anew."""
@@ -80,14 +81,19 @@ class Controller:
         key = bytes(goal_id.uuid)
         self._unanswered[key] = time.monotonic()
         sent = self._client.send_goal_async(goal, on_feedback, goal_id)
-        sent.add_done_callback(lambda _: self._on_sent(key))
+        sent.add_done_callback(lambda answer: self._on_sent(goal_id, answer))
         return sent
 
-    def _on_sent(self, key: bytes) -> None:
-        """Cancel a goal that the cancel has overtaken."""
+    def _on_sent(self, goal_id: UUID, answer: Future) -> None:
+        """Cancel a goal that the cancel has overtaken: they go by two topics."""
+        key = bytes(goal_id.uuid)
         self._unanswered.pop(key, None)
-        if key in self._pending:
-            self._ask(self._pending[key])
+        if key in self._unwanted:
+            self._unwanted.remove(key)
+            if key in self._pending:
+                self._ask(self._pending[key])
+            elif answer.result().accepted:
+                self.cancel(goal_id)
 
     def cancel(self, goal_id: UUID, on_refused: Callable[[], None] = lambda: None) -> Future:
         """
@@ -96,6 +102,8 @@ class Controller:
         `on_refused` is called where the controller refuses, at the first time.
         """
         key = bytes(goal_id.uuid)
+        if key in self._unanswered:
+            self._unwanted.add(key)
         if key not in self._pending:
             self._pending[key] = _Cancel(goal_id, Future(), time.monotonic(), on_refused)
             self._ask(self._pending[key])
@@ -171,7 +179,7 @@ class Controller:
             each.on_refused()
 
     def _may_still_come(self, each: _Cancel, answer: CancelGoal.Response) -> bool:
-        """Whether a goal is unknown as its cancel has overtaken it: they go by two topics."""
+        """Whether a goal is unknown as its cancel has overtaken it."""
         sent_at = self._unanswered.get(bytes(each.goal_id.uuid), -np.inf)
         unknown = answer.return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
         return bool(unknown and time.monotonic() - sent_at < LONGEST_ANSWER_S)

@@ -32,7 +32,7 @@ from lip_id_ros.nodes.trainer import Trainer
 from lip_id_ros.settings import parameters_of
 from lip_id_ros.signals.joints import by_joint
 from lip_id_ros.signals.status import Level, Status
-from lip_id_ros.signals.torque_steps import limits_in_numbers, require_limits
+from lip_id_ros.signals.torque_steps import limits_in_force, require_limits
 
 TICK_S = 0.02
 
@@ -70,10 +70,12 @@ class ExciteNode(NodeBase):
         self._watch: MotionWatch | None = None
         self._moves = self._monitored = False
         self._pending: Future | None = None
+        self._leave: Future | None = None  # while somebody is asked to confirm
         self._halted: str | None = None
         self._names: tuple[str, ...] = ()
         self._limit = np.inf, ''
-        self._settled_at: float | None = None
+        self._rest: Future | None = None  # while the last joint states come
+        self._settled_at = np.inf
         self._jobs = Jobs()
         self._description = Description(self) if settings.use_robot_description else None
         self._mover = MotionGoal(
@@ -186,7 +188,11 @@ class ExciteNode(NodeBase):
             f'{motion.trajectory.t[-1]:.3g} s, at {motion.size:.3g} of all limits. {sentences} '
             'Call ~/confirm or ~/stop',
         )
-        await self._until(Future(executor=self.executor))
+        self._leave = Future(executor=self.executor)
+        try:
+            await self._until(self._leave)
+        finally:
+            self._leave = None
 
     async def _moved(self, motion: NextMotion) -> None:
         """Execute a motion while `train` records."""
@@ -222,10 +228,11 @@ class ExciteNode(NodeBase):
     async def _settled(self) -> None:
         """Wait for the last joint states of the motion."""
         self._settled_at = time.monotonic() + LEAST_SETTLED_S
+        self._rest = Future(executor=self.executor)
         try:
-            await self._until(Future(executor=self.executor))
+            await self._until(self._rest)
         finally:
-            self._settled_at = None
+            self._rest = None
 
     # what halts them
 
@@ -250,18 +257,13 @@ class ExciteNode(NodeBase):
         if self._pending is not None and not self._pending.done():
             self._pending.set_exception(HaltError(reason))
 
-    def _go_on(self) -> None:
-        if self._pending is not None and not self._pending.done():
-            self._pending.set_result(None)
-
     def _on_tick(self) -> None:
         now = time.monotonic()
         lost = self._mover.watch(moving=self._watch is not None)
         if self._pending is not None and now > self._limit[0]:
             self._halt(f'{self._limit[1]} has not answered in {LONGEST_ANSWER_S:g} s')
-        if self._settled_at is not None and now > self._settled_at:
-            self._settled_at = None
-            self._go_on()
+        if self._rest is not None and now > self._settled_at and not self._rest.done():
+            self._rest.set_result(None)
         if (silence := self._trainer.silence()) is not None:
             self._halt(silence)
         if self._watch is None:
@@ -315,9 +317,10 @@ class ExciteNode(NodeBase):
     def _on_confirm(
         self, request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        if self._stage is not Stage.LEAVE or self._pending is None:
+        if self._leave is None or self._leave.done():
             return _answer(response, False, f'nothing waits for this, the node is {self._stage}')
-        self._go_on()
+        self._leave.set_result(None)
+        self._enter(Stage.MOVE, f'motion {self._round} of {self._settings.rounds} is confirmed')
         return _answer(response, True, 'the arm moves')
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -330,7 +333,7 @@ class ExciteNode(NodeBase):
 
     def _watched(self, motion: NextMotion) -> MotionWatch:
         names, settings = motion.trajectory.joint_names, self._settings
-        limits = limits_in_numbers(settings.effort_limits, settings.effort_limits_from)
+        limits = limits_in_force(settings.effort_limits, settings.effort_limits_from)
         return MotionWatch(
             motion.trajectory,
             by_joint('tracking_tolerance', settings.tracking_tolerance, names, names, np.inf),

@@ -6,14 +6,13 @@ import time
 from typing import Any
 
 from control_msgs.action import FollowJointTrajectory
-from control_msgs.msg import JointTrajectoryControllerState
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import GoalEvent
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
 from lip_id_ros.feedforward.goals import Ending, GoalCounts, Outcome
 from lip_id_ros.feedforward.server import Server
-from lip_id_ros.nodes import messages, qos
+from lip_id_ros.nodes import plans, qos
 from lip_id_ros.nodes.controller import Controller, SpeedScaling
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.nodes.relay import Relay, WatchedTime
@@ -36,7 +35,8 @@ class Goals:
     Fill the efforts of goals, hand them to the controller, and hand back all that it answers.
 
     A goal keeps its identity, its tolerances and whatever else it has. One that cannot be filled,
-    or that no controller would take, is refused. `action` is that of the controller.
+    or that no controller would take, is refused. `action` is that of the controller, and
+    `state_topic` has its states, which are to be heard.
     """
 
     def __init__(self, node: NodeBase, server: Server, counts: GoalCounts, action: str) -> None:
@@ -46,10 +46,7 @@ class Goals:
         self._time, self._look_at = WatchedTime(), 0.0
         self._scaling, self._speed = SpeedScaling(), 1.0
         self._is_closed = False
-        name = self.controller.action.rpartition('/')[0]
-        self._state = node.create_subscription(
-            JointTrajectoryControllerState, f'{name}/controller_state', self._on_state, qos.NEWEST
-        )
+        self.state_topic = f'{self.controller.action.rpartition("/")[0]}/controller_state'
         calls = dict.fromkeys(
             [f'{each}_service_qos_profile' for each in ('goal', 'result', 'cancel')], qos.CALLS
         )
@@ -102,9 +99,9 @@ class Goals:
         """Offer the action no more; the controller is left to be asked on."""
         self.release()
         self._offered.destroy()
-        self._node.destroy_subscription(self._state)
 
-    def _on_state(self, message: Any) -> None:
+    def hear(self, message: Any) -> None:
+        """Take a state of the controller: efforts of the next goal are for its speed."""
         speed = self._scaling.read(message)
         self._speed = speed if self._scaling.is_known else 1.0  # an old controller at rest has 0
 
@@ -115,13 +112,11 @@ class Goals:
         try:
             with references.receiving():
                 if self._is_closed:
-                    raise RefusedError(Refusal.DISABLED)
+                    raise RefusedError(Refusal.ENDING)
                 if not self.controller.is_offered:
                     raise RefusedError(Refusal.NO_CONTROLLER)
-            now = time.monotonic()
-            late = messages.lateness(goal.trajectory, self._node.get_clock().now().to_msg())
-            goal.trajectory = messages.filled_plan(
-                goal.trajectory, self._server, now=now, speed=self._speed, late=late
+            goal.trajectory = plans.answered(
+                self._node, self._server, goal.trajectory, speed=self._speed
             )
         except RefusedError as refused:
             # the action has no place for a reason

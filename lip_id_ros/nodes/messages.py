@@ -19,15 +19,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.arrays import Array, BoolArray
-from lip_id_ros.feedforward.server import Server
-from lip_id_ros.signals.joints import Refusal, RefusedError
+from lip_id_ros.signals.joint_states import NANOSECONDS
+from lip_id_ros.signals.joints import RefusedError
 from lip_id_ros.signals.status import Status
 from lip_id_ros.signals.trajectory_header import read_header
-
-NANOSECONDS = 1_000_000_000
-
-MOST_SECONDS = 2.0**31
-"""Beyond those of a Duration."""
 
 INERTIAS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 
@@ -134,27 +129,6 @@ def plan_message(
             point.effort = doubles(tau[row])
         message.points.append(point)
     return message
-
-
-def filled_plan(asked: JointTrajectory, server: Server, **options: Any) -> JointTrajectory:
-    """
-    Return a plan with efforts, and with the points and the times that `serve` gives it.
-
-    `options`: of `Server.plan`. RefusedError if it cannot be filled.
-    """
-    found = server.plan(asked.joint_names, asked.points, **options)
-    if found.plan.t[-1] >= MOST_SECONDS:
-        raise RefusedError(Refusal.OVERLOAD)
-    plan, (q, dq, ddq) = found.plan, found.plan.states
-    message = plan_message(plan.joint_names, plan.t, q, dq, ddq, found.tau)
-    message.header = asked.header
-    return message
-
-
-def lateness(plan: JointTrajectory, now: Time) -> float:
-    """Return the time since the stamp at which a plan begins [s]; 0 where it has none."""
-    stamp_ns = nanoseconds(plan.header.stamp)
-    return (nanoseconds(now) - stamp_ns) / 1e9 if stamp_ns else 0.0
 
 
 def count_points(raw: bytes) -> int:

@@ -25,7 +25,6 @@ from lip_id_ros.nodes import messages, qos, running
 from lip_id_ros.nodes.node import NodeBase
 from lip_id_ros.recording.joint_messages import from_joint_state
 from lip_id_ros.settings import parameters_of
-from lip_id_ros.signals.joints import RefusedError
 from lip_id_ros.signals.status import Status
 
 
@@ -69,11 +68,7 @@ class MonitorNode(NodeBase):
             self._monitor.contacts.find(values['smallest_contact'])
 
     def _on_joint_state(self, message: JointState) -> None:
-        try:
-            watched = self._monitor.take(from_joint_state(message))
-        except RefusedError as refused:
-            self.warn_of_refusal(refused)
-            return
+        watched = self.unless_refused(self._monitor.take, from_joint_state(message))
         if watched is not None:
             self._publish(message, watched)
         if self._calibrated is not None and self._monitor.contacts.state != 'calibrating':
@@ -81,11 +76,8 @@ class MonitorNode(NodeBase):
             self._calibrated = None
 
     def _on_update(self, message: DynamicInterfaceGroupValues) -> None:
-        try:
-            clock_ns = self.get_clock().now().nanoseconds
-            self._monitor.take_update(message, time.monotonic(), clock_ns)
-        except RefusedError as refused:
-            self.warn_of_refusal(refused)
+        clock_ns = self.get_clock().now().nanoseconds
+        self.unless_refused(self._monitor.take_update, message, time.monotonic(), clock_ns)
 
     def _publish(self, message: JointState, watched: Watched) -> None:
         stamp, energy = message.header.stamp, watched.energy

@@ -139,7 +139,7 @@ class MotionGoal:
         )
         self._sent_at, self._accepted_at = self._now_s(), np.inf
         self._takes_s, self._goal_id = float(t[-1]), new_goal_id()
-        sent = self._send(goal, self._goal_id)
+        sent = self._controller.send(goal, self._goal_id)
         handle = await until(sent, LONGEST_ANSWER_S, self._action)
         if not handle.accepted:
             self._goal_id = None
@@ -150,17 +150,6 @@ class MotionGoal:
         if (reason := self._ended_otherwise(answer)) is not None:
             self._hold()
             raise HaltError(reason)
-
-    def _send(self, goal: Any, goal_id: UUID) -> Future:
-        """Send a goal; it is cancelled again where it is accepted after it was halted."""
-        sent = self._controller.send(goal, goal_id)
-
-        def on_answer(answer: Future) -> None:
-            if answer.result().accepted and self._goal_id != goal_id:
-                self._controller.cancel(goal_id)
-
-        sent.add_done_callback(on_answer)
-        return sent
 
     def _ended_otherwise(self, answer: Any) -> str | None:
         """Return how the controller has ended the motion, if not at its end and in time."""

@@ -10,7 +10,7 @@ import math
 import socket
 import time
 import traceback
-from typing import Any
+from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
@@ -25,6 +25,8 @@ from lip_id_ros.settings import Row
 from lip_id_ros.signals.joints import HARMLESS, RefusedError
 from lip_id_ros.signals.status import Level, Status
 from lip_id_ros.signals.streams import Streams
+
+Result = TypeVar('Result')
 
 STATUS_PERIOD_S = 0.5
 
@@ -144,10 +146,14 @@ class NodeBase(Node):
         name = self.get_fully_qualified_name().lstrip('/')
         return messages.status_message(f'{name}: {task}', self._hardware, status)
 
-    def warn_of_refusal(self, refused: RefusedError) -> None:
-        """Log a refused message, for each reason at most every five seconds."""
-        if refused.reason not in HARMLESS:
-            self.warn(refused.reason, f'refused a message ({refused.reason}): {refused}')
+    def unless_refused(self, use: Callable[..., Result], *arguments: Any) -> Result | None:
+        """Use a message; a refusal is logged, for each reason at most every five seconds."""
+        try:
+            return use(*arguments)
+        except RefusedError as refused:
+            if refused.reason not in HARMLESS:
+                self.warn(refused.reason, f'refused a message ({refused.reason}): {refused}')
+        return None
 
     def warn(self, key: str, warning: str) -> None:
         """Log a warning, for each key at most every five seconds."""

@@ -19,7 +19,7 @@ ENDINGS = {
     GoalStatus.STATUS_ABORTED: Ending.ABORTED,
 }
 
-LONGEST_STEP_S = 0.2
+LONGEST_WATCH_STEP_S = 0.2
 """The watch looks more often, unless the node is held up."""
 
 ASK_AGAIN_S = 2.0
@@ -35,7 +35,7 @@ class WatchedTime:
 
     def advance(self, steady: float) -> None:
         """Let the time go on to that of a steady clock; of a pause little counts."""
-        self.now += max(0.0, min(steady - self._last, LONGEST_STEP_S))
+        self.now += max(0.0, min(steady - self._last, LONGEST_WATCH_STEP_S))
         self._last = steady
 
 
@@ -104,9 +104,7 @@ class Relay:
         theirs = asked.result()
         if not theirs.accepted:
             self._end(goals.rejected(self._controller.action))
-        elif self._has_ended:  # the cancel may have come before the goal
-            self.cancel()
-        else:
+        elif not self._has_ended:
             self._theirs = theirs
             self._ask_for_result()
 

@@ -130,7 +130,7 @@ class ServeNode(NodeBase, LifecycleNode):
     def check_change(self, values: Mapping[str, Any]) -> None:
         """Refuse what would have no effect now, or does not fit the arm."""
         before = self._settings()
-        settings = self._in_numbers(ServeSettings(**{**self.values(), **values}))
+        settings = self._with_limits(ServeSettings(**{**self.values(), **values}))
         require_changeable(before, settings, self._state_label)
         require_rules(settings, self._loaded)
         if self._server.active:
@@ -155,9 +155,9 @@ class ServeNode(NodeBase, LifecycleNode):
             self._server.use(loaded, settings)
 
     def _settings(self) -> ServeSettings:
-        return self._in_numbers(ServeSettings(**self.values()))
+        return self._with_limits(ServeSettings(**self.values()))
 
-    def _in_numbers(self, settings: ServeSettings) -> ServeSettings:
+    def _with_limits(self, settings: ServeSettings) -> ServeSettings:
         if settings.torque_limits_from != LimitsFrom.DESCRIPTION:
             return settings
         return replace(settings, torque_limits=self._limits)
@@ -168,7 +168,7 @@ class ServeNode(NodeBase, LifecycleNode):
         self._listen(settings)
         if settings.torque_limits_from == LimitsFrom.DESCRIPTION and self._description:
             self._limits = self._description.torque_limits(settings.joints or joint_names)
-        return self._in_numbers(settings)
+        return self._with_limits(settings)
 
     def _listen(self, settings: ServeSettings) -> None:
         described = settings.torque_limits_from == LimitsFrom.DESCRIPTION

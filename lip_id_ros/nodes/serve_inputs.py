@@ -17,7 +17,7 @@ from lip_id_ros.errors import ConfigError
 from lip_id_ros.feedforward.goals import GoalCounts
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
-from lip_id_ros.nodes import messages, qos
+from lip_id_ros.nodes import messages, plans, qos
 from lip_id_ros.nodes.controller import Controller, SpeedScaling
 from lip_id_ros.nodes.goals import Goals
 from lip_id_ros.nodes.node import NodeBase
@@ -29,7 +29,7 @@ from lip_id_ros.nodes.serve_outputs import (
     STD_TOPIC,
 )
 from lip_id_ros.recording.joint_messages import from_joint_state
-from lip_id_ros.signals.ages import AgeWatch, StampOrder
+from lip_id_ros.signals.ages import AgeWatch, ReferenceStamps
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
 Info = Mapping[str, Any]
@@ -44,10 +44,7 @@ class Arrival(NamedTuple):
 
 
 LATE_S = 0.1
-"""
-Where a reference waits for longer, the newest that has arrived is answered in its place; a plan
-that comes out later than this after its begin deserves a warning.
-"""
+"""Where a reference waits for longer, the newest that has arrived is answered in its place."""
 
 
 class Inputs:
@@ -64,9 +61,8 @@ class Inputs:
         self._updates: Any = None
         self.goals = GoalCounts()
         self._settings = ServeSettings()
-        self._is_contradicted = False
         self._ages, self._scaling = AgeWatch(), SpeedScaling()
-        self._order: dict[str, StampOrder] = {}  # by topic
+        self._order: dict[str, ReferenceStamps] = {}  # by topic
         self._answered_at: dict[str, float] = {}
         # raw, so that neither a million names nor points are read
         self._trajectories = node.create_subscription(
@@ -96,7 +92,9 @@ class Inputs:
             )
         if settings.controller_action:
             action = settings.controller_action
-            self._goals = Goals(self._node, self._server, self.goals, action)
+            self._goals = goals = Goals(self._node, self._server, self.goals, action)
+            if goals.state_topic not in {each.topic_name for each in self._optional}:
+                self._add(JointTrajectoryControllerState, goals.state_topic, goals.hear)
 
     def warnings(self) -> list[str]:
         """Describe a missing controller, and what may contradict each other unless allowed."""
@@ -177,9 +175,10 @@ class Inputs:
 
     def _watch_contradictions(self) -> None:
         """Output zero where several publishers or topics are not to be answered."""
-        before, refuse = self._is_contradicted, self._settings.several_publishers == 'refuse'
-        self._is_contradicted = refuse and bool(self._contradictions())
-        if self._is_contradicted and not before:
+        server, refuse = self._server, self._settings.several_publishers == 'refuse'
+        before = server.is_contradicted
+        server.is_contradicted = refuse and bool(self._contradictions())
+        if server.is_contradicted and not before:
             self._node.output_safe_torque()
 
     def publish_zero(self) -> None:
@@ -202,9 +201,9 @@ class Inputs:
         self._references.received += len(arrived)
         for number, (each, arrival) in enumerate(arrived):
             if number in overtaken:
-                self._unless_refused(self._refuse, Refusal.OVERTAKEN)
+                self._node.unless_refused(self._refuse, Refusal.SUPERSEDED)
             else:
-                self._unless_refused(self._answer, each, arrival)
+                self._node.unless_refused(self._answer, each, arrival)
 
     def _refuse(self, reason: Refusal) -> None:
         with self._references.refusing():
@@ -213,8 +212,6 @@ class Inputs:
     def _answer(self, raw: bytes, arrival: Arrival) -> None:
         with self._references.refusing():
             count = messages.count_points(raw)
-            if count and self._is_contradicted:  # a stop is taken from anybody
-                raise RefusedError(Refusal.SEVERAL_PUBLISHERS)
             if count > self._settings.max_plan_points:
                 raise RefusedError(Refusal.TOO_LONG)
         try:
@@ -226,38 +223,19 @@ class Inputs:
             topic, stamp = self._trajectories.topic_name, message.header.stamp
             self._answer_sample(topic, stamp, message.joint_names, message.points, arrival)
         elif count:
-            self._answer_plan(message, arrival.age)
+            self._outputs.plan(plans.answered(self._node, self._server, message, age=arrival.age))
         else:  # the end of a motion, as for a joint_trajectory_controller
             self._outputs.plan(message)
             self._server.end_stream()
 
-    def _answer_plan(self, message: JointTrajectory, age: float) -> None:
-        late = messages.lateness(message, self._now())
-        end = message.points[-1].time_from_start
-        if late > end.sec + 1e-9 * end.nanosec:
-            self._refuse(Refusal.OVER)
-        now = time.monotonic()
-        self._outputs.plan(
-            messages.filled_plan(message, self._server, now=now, age=age, late=late)
-        )
-        if late > LATE_S:
-            self._server.counts.torques['late_plans'] += 1
-            self._node.warn(
-                'late_plans',
-                f'a plan came out {late:.1f} s after the stamp at which it begins; send plans '
-                'earlier, or leave their stamps zero',
-            )
-
     def _on_controller_state(self, message: Any, info: Info) -> None:
         reference, names = message.reference, message.joint_names
-        speed = self._scaling.read(message)
-        topic = self._optional[0].topic_name
+        speed, topic = self._scaling.read(message), self._optional[0].topic_name
+        if self._goals is not None and topic == self._goals.state_topic:
+            self._goals.hear(message)
         self._references.received += 1
-        if self._is_contradicted:
-            self._unless_refused(self._refuse, Refusal.SEVERAL_PUBLISHERS)
-            return
         arguments = topic, message.header.stamp, names, [reference], self._arrival(info), speed
-        self._unless_refused(self._answer_sample, *arguments)
+        self._node.unless_refused(self._answer_sample, *arguments)
 
     def _on_joint_state(self, message: JointState) -> None:
         """Publish energies and the torque residual while they have subscribers."""
@@ -274,13 +252,7 @@ class Inputs:
 
     def _on_update(self, message: DynamicInterfaceGroupValues) -> None:
         clock_ns = self._node.get_clock().now().nanoseconds
-        self._unless_refused(self._server.take_update, message, time.monotonic(), clock_ns)
-
-    def _unless_refused(self, answer: Callable[..., None], *arguments: Any) -> None:
-        try:
-            answer(*arguments)
-        except RefusedError as refused:
-            self._node.warn_of_refusal(refused)
+        self._node.unless_refused(self._server.take_update, message, time.monotonic(), clock_ns)
 
     def _answer_sample(
         self,
@@ -299,7 +271,7 @@ class Inputs:
             with self._references.refusing():
                 stamp_ns = messages.nanoseconds(stamp)
                 age += max(0.0, (self._sent_ns(arrival, now) - stamp_ns) / 1e9)
-                order = self._order.setdefault(topic, StampOrder())
+                order = self._order.setdefault(topic, ReferenceStamps())
                 order.require(stamp_ns, steady)
         served = self._server.sample(names, points, steady, age, speed)
         if order is not None:  # the stamps of what is refused say nothing

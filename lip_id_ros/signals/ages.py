@@ -5,7 +5,7 @@ from __future__ import annotations
 from lip_id_ros.signals.joint_states import NANOSECONDS
 from lip_id_ros.signals.joints import Refusal, RefusedError
 
-CONFIRMED_S, CONFIRMED_BY = 0.4, 5
+CLOCK_CONFIRMED_S, CLOCK_CONFIRMED_BY = 0.4, 5
 """So long, and in so many messages, another clock must show itself before it is believed."""
 
 SPREAD_S = 0.1
@@ -46,17 +46,17 @@ class AgeWatch:
         if not self._n or high - low > SPREAD_S * NANOSECONDS or received_ns < self._since:
             self._since, self._n, low, high = received_ns, 0, delay, delay
         self._low, self._high, self._n = low, high, self._n + 1
-        lasted = received_ns - self._since >= CONFIRMED_S * NANOSECONDS
-        if lasted and self._n >= CONFIRMED_BY:
+        lasted = received_ns - self._since >= CLOCK_CONFIRMED_S * NANOSECONDS
+        if lasted and self._n >= CLOCK_CONFIRMED_BY:
             self._apart = low
             self._n = 0
 
 
-class StampOrder:
+class ReferenceStamps:
     """
     Refuse stamps that go back: those of a second source, or of a message that was overtaken.
 
-    A clock that was set back is believed once nothing else has come for `CONFIRMED_S`.
+    A clock that was set back is believed once nothing else has come for `CLOCK_CONFIRMED_S`.
     """
 
     def __init__(self) -> None:
@@ -64,7 +64,7 @@ class StampOrder:
 
     def require(self, stamp_ns: int, now: float) -> None:
         """Raise RefusedError if a stamp [ns] goes back, at a time on a steady clock [s]."""
-        if stamp_ns < self._newest_ns and now - self._at < CONFIRMED_S:
+        if stamp_ns < self._newest_ns and now - self._at < CLOCK_CONFIRMED_S:
             raise RefusedError(Refusal.BACKWARD_STAMP)
 
     def take(self, stamp_ns: int, now: float) -> None:

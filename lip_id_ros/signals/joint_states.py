@@ -15,10 +15,10 @@ from lip_id_ros.signals.joints import JointOrder, Refusal, RefusedError
 if TYPE_CHECKING:  # numba, which `train` starts without
     from lip_id_ros.model import EffortCalibration
 
-CONFIRMED_BY = 3
+JUMP_CONFIRMED_BY = 3
 """So many messages in a row that follow a doubted stamp show that the clock did jump."""
 
-LONGEST_STEP_S = 10.0
+LONGEST_STAMP_STEP_S = 10.0
 """A stamp further ahead of the last one may be wrong."""
 
 NANOSECONDS = 1_000_000_000
@@ -26,7 +26,7 @@ NANOSECONDS = 1_000_000_000
 TURN = 2.0 * np.pi
 
 
-def continued(q: Array, before: Array | None, is_revolute: BoolArray) -> Array:
+def in_nearest_turn(q: Array, before: Array | None, is_revolute: BoolArray) -> Array:
     """
     Return positions (n,) in the turn that is nearest to positions before, if there are any.
 
@@ -102,7 +102,7 @@ class StampWatch:
     Judge stamps one after the other.
 
     A stamp that goes back or far ahead is doubted, so that neither a wrong one nor a second
-    publisher with another clock is followed. When `CONFIRMED_BY` messages in a row follow a
+    publisher with another clock is followed. When `JUMP_CONFIRMED_BY` messages in a row follow a
     doubted one, the clock has jumped: a restarted driver or simulation, or a pause.
 
     `longest_step_s`: a stamp further ahead is doubted [s]; of messages that come with the time of
@@ -110,7 +110,7 @@ class StampWatch:
     jumped.
     """
 
-    def __init__(self, longest_step_s: float = LONGEST_STEP_S) -> None:
+    def __init__(self, longest_step_s: float = LONGEST_STAMP_STEP_S) -> None:
         self._longest_ns = round(NANOSECONDS * longest_step_s)
         self._last = self._doubted = (0, 0)
         self._n_doubted = 0
@@ -133,7 +133,7 @@ class StampWatch:
         follows = self._n_doubted > 0 and self._follows(self._doubted, message)
         self._n_doubted = self._n_doubted + 1 if follows else 1
         self._doubted = message
-        if self._n_doubted == CONFIRMED_BY:
+        if self._n_doubted == JUMP_CONFIRMED_BY:
             self.jumps += 1
             self._accept(message)
             return None

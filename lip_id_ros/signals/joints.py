@@ -18,11 +18,12 @@ class Refusal(StrEnum):
 
     INACTIVE = 'inactive'
     DISABLED = 'disabled'
+    ENDING = 'node is ending'
     NO_POINTS = 'no points'
     TOO_LONG = 'plan too long'
-    OVERLOAD = 'torques beyond limits'
+    BEYOND_LIMITS = 'torques beyond limits'
     WRONG_PLAN = 'plan that no controller takes'
-    OVER = 'plan that is over'
+    ENDED_PLAN = 'plan that is over'
     NO_CONTROLLER = 'no controller'
     WRONG_SPEED = 'wrong speed scaling'
     MALFORMED = 'malformed'
@@ -44,7 +45,7 @@ class Refusal(StrEnum):
     BACKWARD_STAMP = 'stamp went back'
     FAR_STAMP = 'stamp far ahead'
     OLD = 'reference too old'
-    OVERTAKEN = 'overtaken by a newer one'
+    SUPERSEDED = 'overtaken by a newer one'
     SEVERAL_PUBLISHERS = 'several publishers'
     NO_UPDATE = 'no update'
     NOT_FINITE_UPDATE = 'update not finite'
@@ -66,11 +67,13 @@ node that gets nothing else warns all the same.
 _SENTENCES = {
     Refusal.INACTIVE: 'the node is not active; activate it through its lifecycle',
     Refusal.DISABLED: 'the node is disabled; call its service enable',
+    Refusal.ENDING: 'the node is ending; start it again',
     Refusal.NO_POINTS: 'a trajectory needs at least one point, this one has none',
     Refusal.TOO_LONG: (
-        'a plan must not have more points than max_plan_points; send it in pieces or raise that'
+        'a plan must not have more points than max_plan_points, those included that refine_plans '
+        'adds; send it in pieces'
     ),
-    Refusal.OVERLOAD: (
+    Refusal.BEYOND_LIMITS: (
         'the torques of the plan would exceed torque_limits, and overload_policy refuses that or '
         'found no slower plan that fits; look at it with lip_id check-plan'
     ),
@@ -78,7 +81,7 @@ _SENTENCES = {
         'every point of a plan needs a position of each joint, and velocities where it has '
         'accelerations; correct the points'
     ),
-    Refusal.OVER: (
+    Refusal.ENDED_PLAN: (
         'the plan would have ended by its stamp; send plans earlier, leave their stamps zero, or '
         'synchronise the clocks'
     ),
@@ -129,7 +132,7 @@ _SENTENCES = {
         'the reference was stamped or sent more than stale_timeout_s ago; check for pauses and '
         'load, synchronise the clocks, or leave its stamp zero'
     ),
-    Refusal.OVERTAKEN: (
+    Refusal.SUPERSEDED: (
         'references came faster than they are answered, only the newest is; send fewer a second'
     ),
     Refusal.SEVERAL_PUBLISHERS: (

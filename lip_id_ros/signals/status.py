@@ -51,7 +51,7 @@ class Tally:
         self.refused: Counter[str] = Counter()
         self._n_used, self._judged = 0, Counter[str]()
 
-    def new_refusals(self) -> Counter[str]:
+    def take_new_refusals(self) -> Counter[str]:
         """
         Return refusals since the last call that deserve a warning, by reason.
 

@@ -35,8 +35,8 @@ class Stream:
         """Whether it came, and has ended."""
         return self._lasting and DEAD_S < now - self._at < math.inf
 
-    def look(self, now: float) -> dict[str, Any]:
-        """Return the rate since the first of the last looks [Hz], and the newest's age [s]."""
+    def record(self, now: float) -> dict[str, Any]:
+        """Add a look; return the rate since the first of the last [Hz], the newest's age [s]."""
         self._looks.append((now, self._count))
         since, before = self._looks[0]
         rate = (self._count - before) / (now - since) if now > since else 0.0
@@ -60,7 +60,7 @@ class Streams:
 
     def status(self, now: float) -> Status:
         """Return rates and ages; stale where an input is dead."""
-        values = {topic.lstrip('/'): each.look(now) for topic, each in self._of_topics.items()}
+        values = {topic.lstrip('/'): each.record(now) for topic, each in self._of_topics.items()}
         dead = [topic for topic, each in self._of_topics.items() if each.is_dead(now)]
         if dead:
             return Status(Level.STALE, f'came, and are silent: {", ".join(dead)}', values)

@@ -23,16 +23,20 @@ class LimitsFrom(StrEnum):
 DEFAULT_RATE = 20.0
 """Rate limit by torque limit [1/s], where none is given: a full swing takes 0.1 s at least."""
 
-LONGEST_STEP_S = 0.05
+LONGEST_TORQUE_STEP_S = 0.05
 """Ramps and rate limits count no more time than this between two torques: after a pause, the next
 torque is a step for the robot, however long the pause was."""
 
 
-def limits_in_numbers(limits: Sequence[float], source: str) -> Sequence[float]:
-    """Return limits in force, none without limits; zero where a URDF is still to be read."""
+NOT_READ_YET = (0.0,)
+"""In place of limits of a URDF that is still to be read: no torque but zero."""
+
+
+def limits_in_force(limits: Sequence[float], source: str) -> Sequence[float]:
+    """Return limits in force: none without limits, `NOT_READ_YET` before a URDF is read."""
     if source == LimitsFrom.NONE:
         return ()
-    return limits or ((0.0,) if source == LimitsFrom.DESCRIPTION else ())
+    return limits or (NOT_READ_YET if source == LimitsFrom.DESCRIPTION else ())
 
 
 def require_limits(name: str, limits: Sequence[float], source: str) -> None:
@@ -61,9 +65,9 @@ class Sent:
     tau: Array
     at: float = -np.inf
 
-    def toward(self, wanted: Array, now: float, rates: Array) -> Array:
+    def step_toward(self, wanted: Array, now: float, rates: Array) -> Array:
         """Return the torque (n,) nearest to the wanted one that rates (n,) allow at a time."""
-        elapsed = min(max(now - self.at, 1e-6), LONGEST_STEP_S)
+        elapsed = min(max(now - self.at, 1e-6), LONGEST_TORQUE_STEP_S)
         return toward(self.tau, wanted, elapsed * rates)
 
     @property
@@ -78,8 +82,8 @@ class Ramp:
     A linear blend from the torque that the robot holds to whatever is wanted.
 
     The share of the wanted torque grows with time at a slope of one over the present duration.
-    Another duration changes the slope from here on, not the share. No more than `LONGEST_STEP_S`
-    counts between two torques.
+    Another duration changes the slope from here on, not the share. Between two torques
+    no more than `LONGEST_TORQUE_STEP_S` counts.
     """
 
     def __init__(self) -> None:
@@ -96,7 +100,7 @@ class Ramp:
             return wanted
         if self._origin is None:
             self._origin, self._at = held, now
-        elapsed, self._at = min(max(now - self._at, 0.0), LONGEST_STEP_S), now
+        elapsed, self._at = min(max(now - self._at, 0.0), LONGEST_TORQUE_STEP_S), now
         self._share += elapsed / duration_s if duration_s > 0.0 else 1.0
         if self._share >= 1.0:
             return wanted

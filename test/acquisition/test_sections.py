@@ -15,7 +15,7 @@ import pytest
 from lip_id_ros.acquisition.sections import MOST_SECTIONS, Sections
 from lip_id_ros.recording import Reason
 from lip_id_ros.recording.joint_messages import from_joint_state, JointMessage
-from lip_id_ros.signals.joint_states import CONFIRMED_BY, LONGEST_STEP_S
+from lip_id_ros.signals.joint_states import JUMP_CONFIRMED_BY, LONGEST_STAMP_STEP_S
 
 NAMES = ('a', 'b')
 NOW = 1.7e9
@@ -37,7 +37,7 @@ def stamps_of(sections: Sections) -> list[list[float]]:
     return [(each.start_s + each.t).round(6).tolist() for each in sections.samples('t')]
 
 
-PAUSE = 3 * LONGEST_STEP_S
+PAUSE = 3 * LONGEST_STAMP_STEP_S
 AHEAD, BACK = 'stamp far ahead', 'stamp went back'
 STREAMS: dict[str, tuple[list[float], list[list[float]], dict[str, int]]] = {
     'one stamp far ahead': (
@@ -121,7 +121,9 @@ def test_sections_share_one_bound() -> None:
 
 
 def test_a_clock_that_goes_back_without_end_takes_no_memory_without_end() -> None:
-    descending = [1e6 - 100.0 * fall + step for fall in range(500) for step in range(CONFIRMED_BY)]
+    descending = [
+        1e6 - 100.0 * fall + step for fall in range(500) for step in range(JUMP_CONFIRMED_BY)
+    ]
     sections = filled(descending, max_rows=10_000)
     assert len(sections.samples('t')) == MOST_SECTIONS
     assert len(sections) + sections.counts.total() == len(descending)

@@ -263,14 +263,14 @@ def test_updates_are_followed_in_the_order_of_their_stamps() -> None:
 def test_an_update_that_never_comes_is_told() -> None:
     adapted = AdaptedModel(known_model(), RULES)
     adapted.watch(10.0)
-    assert adapted.new_trouble() == ''
+    assert adapted.take_new_trouble() == ''
     adapted.watch(15.1)
     sentence = 'follows the commissioned model: no update for 5 s; start adapt, or set '
-    assert adapted.new_trouble().startswith(sentence)
+    assert adapted.take_new_trouble().startswith(sentence)
     assert adapted.values()['gone_back'] == 0
     adapted.adjust(replace(RULES, follows=False))
     adapted.watch(30.0)
-    assert adapted.new_trouble() == ''
+    assert adapted.take_new_trouble() == ''
 
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)

@@ -17,6 +17,8 @@ from lip_id_ros.adaptation.adapted_model import AdaptedModel
 from lip_id_ros.adaptation.follow_settings import FollowRules
 from lip_id_ros.adaptation.updates import Update
 from lip_id_ros.feedforward.loading import LoadedModel
+from lip_id_ros.feedforward.refinement import STEP_S
+from lip_id_ros.feedforward.served_arm import EARLY_S
 from lip_id_ros.feedforward.server import Server
 from lip_id_ros.feedforward.settings import ServeSettings
 from lip_id_ros.model import EffortCalibration
@@ -113,7 +115,7 @@ def test_a_plan_beyond_limits_is_refused_where_that_is_asked_for() -> None:
     server = serving(torque_limits=[500.0], overload_policy='refuse')
     with pytest.raises(RefusedError, match='would exceed torque_limits'):
         server.plan(NAMES, rest_to_rest(), 0.0)
-    assert server.values()['refused'] == {Refusal.OVERLOAD: 1}
+    assert server.values()['refused'] == {Refusal.BEYOND_LIMITS: 1}
     assert duration(server, rest_to_rest(1.2)) == 1.2
     assert server.values()['slowed'] == 0
 
@@ -127,6 +129,30 @@ def test_a_plan_beyond_limits_is_slowed_where_that_is_asked_for() -> None:
     heavy = [point([600, 0], [0, 0], [0, 0]), point([601, 0], [0, 0], [0, 0], 1.0)]
     with pytest.raises(RefusedError, match='found no slower plan that fits'):
         server.plan(NAMES, heavy, 0.0)
+
+
+def test_limits_hold_on_the_way_to_the_first_point() -> None:
+    """Of 1 rad in 0.5 s from an arm at rest, 12 rad/s^2 at once."""
+    goal = [point([1, 0], [0, 0], [], 0.5)]
+    for policy in ('refuse', 'slow'):
+        server = serving(torque_limits=[500.0], overload_policy=policy)
+        assert duration(server, goal) == 0.5  # nobody knows from where
+        assert server.measure(joint_state([0.0, 0.0]), 0.0)
+        if policy == 'refuse':
+            with pytest.raises(RefusedError, match='would exceed torque_limits'):
+                server.plan(NAMES, goal, 0.1)
+        else:
+            found = server.plan(NAMES, goal, 0.1)
+            assert found.plan.t[-1] > 1.0
+            assert found.plan.t[0] == pytest.approx(EARLY_S * found.plan.t[-1] / 0.5)
+
+
+def test_limits_hold_for_torques_at_the_speed_of_the_controller() -> None:
+    server = serving(torque_limits=[500.0], overload_policy='slow')
+    for speed in (0.5, 1.0, 2.0):
+        found = server.plan(NAMES, rest_to_rest(), 0.0, speed=speed)
+        assert found.plan.t[-1] == pytest.approx(max(1.0, 1.0743 * speed), rel=0.01)
+    assert server.values()['slowed'] == 2
 
 
 def test_limits_hold_for_what_is_commanded() -> None:
@@ -153,6 +179,58 @@ def test_a_sparse_plan_gets_points_where_efforts_would_be_wrong() -> None:
     sparse = serving()
     assert sparse.plan(NAMES, rest_to_rest(), 0.0).missed[0] > 570.0
     assert sparse.judge('', 0.0) == (Level.WARN, 'messages with trouble: sparse_plans 1')
+
+
+def test_points_are_added_in_a_time_that_does_not_grow_with_the_duration() -> None:
+    """Two points over 1000 s took 0.28 s; gravity along the way is a polynomial of degree 5."""
+    loaded, looks = arm(), []
+    server = Server()
+    server.use(loaded, ServeSettings(**{**PLAIN, 'refine_plans': True}))
+    server.enable()
+    predict = Sum.predict
+
+    def counted(self: Sum, *states: Any) -> Any:
+        looks.append(len(states[0]))
+        return predict(self, *states)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Sum, 'predict', counted)
+        plan = [point([0, 0], [0, 0], [0, 0]), point([800, 0], [0, 0], [0, 0], 1000.0)]
+        found = server.plan(NAMES, plan, 0.0)
+    assert sum(looks) < 10_000
+    s = np.linspace(0.0, 1.0, 100_000)
+    exact = 800 * (
+        s**3 * (10 - 15 * s + 6 * s**2)
+        + 0.3 * s**2 * (1 - s) ** 2
+        + 0.006 * s * (1 - s) * (1 - 2 * s)
+    )
+    error = np.abs(np.interp(1000 * s, found.plan.t, found.tau[:, 0]) - exact).max()
+    assert found.added < 50
+    assert error < 1.05 * max(1.0, 0.01 * np.abs(exact).max())  # noise, or a hundredth
+
+
+def test_a_reversal_in_a_long_plan_is_found() -> None:
+    """Friction jumps within a hundredth of a second, once in 1000 s."""
+    server = Server()
+    server.use(
+        replace(arm(), model=Sum(dry=70.0)), ServeSettings(**{**PLAIN, 'refine_plans': True})
+    )
+    server.enable()
+    plan = [point([0, 0], [1, 0], [], 0.0), point([0, 0], [-2, 0], [], 1000.0)]
+    found = server.plan(NAMES, plan, 0.0)
+    (reversal,) = np.flatnonzero(np.diff(np.sign(found.plan.states[1, :, 0])))
+    assert np.diff(found.plan.t)[reversal] < 2 * STEP_S
+
+
+def test_a_plan_that_needs_too_many_points_is_refused() -> None:
+    server = serving(refine_plans=True, max_plan_points=10)
+    with pytest.raises(RefusedError, match='those included that refine_plans adds'):
+        server.plan(NAMES, rest_to_rest(), 0.0)
+    assert server.values()['refused'] == {Refusal.TOO_LONG: 1}
+    assert serving(max_plan_points=10).plan(NAMES, rest_to_rest(), 0.0).added == 0
+    corners = [point([t % 2, 0], [0, 0], [0, 0], 0.1 * t) for t in range(9999)]
+    with pytest.raises(RefusedError, match='those included that refine_plans adds'):
+        serving(refine_plans=True).plan(NAMES, corners, 0.0)
 
 
 def joint_state(q: list[float], stamp_ns: int = 1) -> JointMessage:
@@ -199,6 +277,29 @@ def test_no_points_are_added_where_the_way_to_the_first_is_not_known(
     found = server.plan(NAMES, [point(goal, [0, 0], [], 2.0)], 0.1, late=late)
     assert found.added == 0
     assert found.plan.t.tolist() == [2.0]
+
+
+def test_a_plan_that_begins_late_is_counted_and_one_that_has_ended_refused() -> None:
+    server = serving()
+    for late in (-9.0, 0.05, 0.9):
+        server.plan(NAMES, rest_to_rest(), 0.0, late=late)
+    assert server.values()['late_plans'] == 1
+    with pytest.raises(RefusedError, match='would have ended by its stamp'):
+        server.plan(NAMES, rest_to_rest(), 0.0, late=1.1)
+    assert server.values()['refused'] == {Refusal.ENDED_PLAN: 1}
+    assert server.values()['late_plans'] == 1
+
+
+def test_references_that_contradict_each_other_are_refused_but_for_a_stop() -> None:
+    server = serving()
+    server.is_contradicted = True
+    with pytest.raises(RefusedError, match='several publishers'):
+        server.sample(NAMES, [POINT], 0.0)
+    with pytest.raises(RefusedError, match='several publishers'):
+        server.plan(NAMES, rest_to_rest(), 0.0)
+    server.end_stream()
+    server.is_contradicted = False
+    server.sample(NAMES, [POINT], 0.0)
 
 
 def test_a_plan_is_refused_at_a_speed_that_no_controller_has() -> None:

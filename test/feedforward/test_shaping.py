@@ -23,7 +23,7 @@ from lip_id_ros.feedforward.settings import (
 )
 from lip_id_ros.feedforward.shaping import factors, Shaper, TrainingRange
 from lip_id_ros.signals.joints import by_joint, RefusedError
-from lip_id_ros.signals.torque_steps import LONGEST_STEP_S, Sent
+from lip_id_ros.signals.torque_steps import LONGEST_TORQUE_STEP_S, Sent
 
 NAMES = ('a', 'b', 'c')
 LIMITS = (87.0, 12.0, 0.0)
@@ -62,7 +62,7 @@ def test_a_stream_stays_within_limits_and_rates(
         safe = sampled(stream, row, now)
         assert np.isfinite(safe).all()
         assert (np.abs(safe) <= LIMITS).all()
-        allowed = np.array(RATES) * min(max(step, 1e-6), LONGEST_STEP_S)
+        allowed = np.array(RATES) * min(max(step, 1e-6), LONGEST_TORQUE_STEP_S)
         assert (np.abs(safe - before) <= allowed * (1 + 1e-9) + 1e-9).all()
         before = safe
 

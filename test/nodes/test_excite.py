@@ -269,6 +269,25 @@ def test_a_stop_right_after_leave_is_heeded(ros: Ros, tmp_path: Path) -> None:
     assert '~/stop was called' in ended['summary']
 
 
+def test_leave_that_is_given_twice_is_answered_and_harmless(ros: Ros, tmp_path: Path) -> None:
+    """The second ended what was awaited after the first, and with it the run."""
+    _, client = ros
+    started(ros, tmp_path, confirm=True, duration_s=1.0)
+    begin(client)
+    client.status('excite', lambda status: status['stage'] == 'waiting for confirm')
+    assert not client.trigger('/excite/start').success  # now the client knows the node
+    confirm = client.node.create_client(Trigger, '/excite/confirm', qos_profile=qos.CALLS)
+    client.wait_until(confirm.service_is_ready, 'service')
+    answers = [confirm.call_async(Trigger.Request()) for _ in range(40)]
+    client.wait_until(lambda: all(each.done() for each in answers), 'answers')
+    ended = client.status(
+        'excite', lambda status: status['stage'] in ('fitting', 'done', 'stopped')
+    )
+    assert 'an error of this node' not in ended['summary']
+    assert [each.result().success for each in answers].count(True) == 1
+    assert 'the node is moving' in answers[-1].result().message
+
+
 def test_a_controller_that_does_not_end_a_motion_is_not_awaited(ros: Ros, tmp_path: Path) -> None:
     _, client = ros
     started(ros, tmp_path, ('-p', 'ends_after:=1e9'), duration_s=1.0)

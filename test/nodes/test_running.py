@@ -155,6 +155,10 @@ def test_an_executor_spins_no_more_when_it_is_shut_down(monkeypatch: pytest.Monk
     assert not failed
 
 
+def refuse(reason: Refusal) -> None:
+    raise RefusedError(reason)
+
+
 def test_each_reason_is_logged_by_a_clock_that_nobody_sets_back(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -164,11 +168,11 @@ def test_each_reason_is_logged_by_a_clock_that_nobody_sets_back(
         node = NodeBase('throttled', {})
         try:
             for reason in (Refusal.MALFORMED, Refusal.MISSING_JOINT, Refusal.MALFORMED):
-                node.warn_of_refusal(RefusedError(reason))
+                node.unless_refused(refuse, reason)
             set_back, later = time.time() - 3600.0, time.monotonic() + 6.0
             monkeypatch.setattr(time, 'time', lambda: set_back)
             monkeypatch.setattr(time, 'monotonic', lambda: later)
-            node.warn_of_refusal(RefusedError(Refusal.MALFORMED))
+            node.unless_refused(refuse, Refusal.MALFORMED)
         finally:
             monkeypatch.undo()
             node.destroy_node()

@@ -29,9 +29,11 @@ from rclpy.serialization import serialize_message
 from rclpy.task import Future
 from ros2_control.arm import commanded, Control, hear_until_now, plan, served, times
 from ros2_control.test_plans import at_speed, states_of, wait_for
+from trajectory_msgs.msg import JointTrajectory
 
 from benchmarks._mock_controller import GAINS
 from lip_id_ros.feedforward.goals import ErrorCode
+from lip_id_ros.nodes import messages
 
 if TYPE_CHECKING:
     from nodes.ros_graph import Process
@@ -277,15 +279,43 @@ def test_what_cannot_be_filled_is_refused(control: Control, sender: Sender) -> N
     past.trajectory.header.stamp.sec = 1
     assert sender.refuses(foreign)
     assert sender.refuses(short)
-    ending, result = sender.run(past)
-    assert (ending, result.error_code) == ('aborted', ErrorCode.INVALID_GOAL)
-    assert 'has rejected the plan, for the reason in its own log' in result.error_string
-    counted = counts(control, 3)
-    assert counted['refused'] == {
+    assert sender.refuses(past)
+    assert counts(control, 3)['refused'] == {
         'foreign joint in a plan': 1,
         'plan that no controller takes': 1,
+        'plan that is over': 1,
     }
-    assert counted['aborted'] == 1
+
+
+def test_a_goal_that_comes_after_its_begin_is_told(control: Control, sender: Sender) -> None:
+    control.use('arm')
+    control.client.mark('serve')
+    late = goal(seconds=60.0)
+    now = control.client.node.get_clock().now().nanoseconds
+    late.trajectory.header.stamp = messages.stamp_at(now - 10**9)
+    sender.cancel(sender.send(late))
+    control.client.status('serve', lambda status: status['late_plans'] == 1)
+
+
+def test_goals_are_refused_while_references_contradict_each_other(
+    control: Control, sender: Sender
+) -> None:
+    control.use('arm')
+    client, topic = control.client, '/serve/desired_trajectory'
+    client.set_parameters('serve', several_publishers='refuse')
+    several = [client.node.create_publisher(JointTrajectory, topic, 10) for _ in range(2)]
+    client.status('serve', lambda status: f'2 publishers of {topic}' in status['summary'])
+    client.mark('serve')
+    refused = sender.refuses(goal())
+    for each in several:
+        client.withdraw(each)
+    client.status('serve', lambda status: 'publishers of' not in status['summary'])
+    answered = sender.run(goal())
+    client.set_parameters('serve', several_publishers='warn')
+    assert refused
+    assert answered[0] == 'succeeded'
+    assert counts(control, 2)['refused'] == {'several publishers': 1}
+    assert 'end all but one, or set several_publishers' in serve_process(control).log
 
 
 def test_a_disabled_node_refuses_goals(control: Control, sender: Sender) -> None:
@@ -538,7 +568,7 @@ def test_goals_that_are_over_keep_no_plan(control: Control, sender: Sender) -> N
             assert sender.run(asked)[0] == 'aborted'
         return float(process.memory_info().rss - before) / 2**20
 
-    asked.trajectory.header.stamp.sec = 1  # it has passed: the controller rejects it
+    assert control.switch(deactivate=['arm'])  # it rejects goals then
     assert grown(asked) < 3.0  # that of the plans is 7
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lip_id_ros.signals.ages import AgeWatch, CONFIRMED_S, StampOrder
+from lip_id_ros.signals.ages import AgeWatch, CLOCK_CONFIRMED_S, ReferenceStamps
 from lip_id_ros.signals.joints import RefusedError
 
 S = 1_000_000_000
@@ -78,7 +78,7 @@ def test_a_queue_that_empties_is_old_all_the_while() -> None:
 
 
 def test_stamps_that_go_back_are_refused_until_no_others_come() -> None:
-    order = StampOrder()
+    order = ReferenceStamps()
 
     def take(stamp_ns: int, now: float) -> None:
         order.require(stamp_ns, now)
@@ -92,13 +92,13 @@ def test_stamps_that_go_back_are_refused_until_no_others_come() -> None:
         else:
             take(EPOCH + round(S * now), now)
     with pytest.raises(RefusedError):
-        take(EPOCH - S, 0.99 + 0.9 * CONFIRMED_S)
-    take(EPOCH - S, 0.99 + 1.1 * CONFIRMED_S)
-    take(EPOCH - S, 0.99 + 1.2 * CONFIRMED_S)
+        take(EPOCH - S, 0.99 + 0.9 * CLOCK_CONFIRMED_S)
+    take(EPOCH - S, 0.99 + 1.1 * CLOCK_CONFIRMED_S)
+    take(EPOCH - S, 0.99 + 1.2 * CLOCK_CONFIRMED_S)
 
 
 def test_stamps_of_references_that_are_refused_say_nothing() -> None:
     """5 Hz of another arm's, 10 s ahead, had 99 of 100 good ones refused."""
-    order = StampOrder()
+    order = ReferenceStamps()
     order.require(EPOCH + 10 * S, 0.0)
     order.require(EPOCH, 0.01)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 import pytest
 
 from lip_id_ros.signals.joint_states import (
-    CONFIRMED_BY,
+    JUMP_CONFIRMED_BY,
     StampWatch,
 )
 from lip_id_ros.signals.joints import Refusal
@@ -50,7 +50,7 @@ def test_a_jump_is_followed_once_confirmed(there: float, reason: Refusal) -> Non
     watch = StampWatch(1.0)
     stamps = [10.0, 10.1, *(there + 0.1 * step for step in range(5)), 10.2]
     found = [watch.doubt(round(S * stamp)) for stamp in stamps]
-    doubted = CONFIRMED_BY - 1
+    doubted = JUMP_CONFIRMED_BY - 1
     assert found[:2] == [None, None]
     assert found[2 : 2 + doubted] == [reason] * doubted
     assert found[2 + doubted : 7] == [None] * (5 - doubted)
