@@ -33,9 +33,6 @@ from lip_id_ros.rigid_body.pseudo_inertia import (
 from lip_id_ros.rigid_body.regressor import torque_regressor
 from lip_id_ros.rigid_body.rnea_derivatives import DIRECTIONS, placement_derivatives
 
-LOG_PRIOR = 0.3
-"""Precision of the prior on logarithms of friction coefficients."""
-
 SMALLEST = 1e-3
 """Friction coefficients that must be positive start at this share of their prior, or above."""
 
@@ -187,7 +184,11 @@ class ArmProblem:
         return torque
 
     def jacobian(self, state: ArmState) -> Array:
-        """Differentiate the torques by a step at given loads, shape (N, n, m) [N m or N]."""
+        """
+        Differentiate the torques at given loads, shape (N, n, m) [N m or N].
+
+        By placements, log-Cholesky numbers and coefficients of friction.
+        """
         return self._jacobian(state, slice(None))
 
     def _jacobian(self, state: ArmState, rows: slice) -> Array:
@@ -203,13 +204,15 @@ class ArmProblem:
         for j, each in enumerate(by_numbers):
             own = slice(first + LINK_PARAMETERS * j, first + LINK_PARAMETERS * (j + 1))
             out[..., own] = regressor[:, :, j] @ each
-        out[..., last:] = samples.friction[rows] * self.coefficient_slopes(state)
+        out[..., last:] = samples.friction[rows]
         return out
 
     def normal_equations(self, state: ArmState) -> tuple[Array, Array]:
         """Return J^T J and J^T r of steps at a state."""
         assert state.residual is not None
         projector, residual = self.projector(state.chain), state.residual
+        by_numbers = self.coefficient_slopes(state)
+        first = self.size - by_numbers.size
         count = len(residual)
         chunks = [slice(k, k + CHUNK) for k in range(0, count, CHUNK)]
         hessians, gradients = ([np.empty(0)] * len(chunks) for _ in range(2))
@@ -218,6 +221,7 @@ class ArmProblem:
             for k in range(len(chunks))[some]:
                 jacobian = self._jacobian(state, chunks[k])
                 jacobian *= self._scale[chunks[k], :, None]
+                jacobian[..., first:] *= by_numbers
                 rows = jacobian.reshape(-1, jacobian.shape[2])
                 hessians[k] = rows.T @ rows
                 gradients[k] = rows.T @ residual[chunks[k]].ravel()
@@ -226,6 +230,7 @@ class ArmProblem:
         in_threads(gather, len(chunks), few=1)
         hessian, gradient = np.sum(hessians, axis=0), -np.sum(gradients, axis=0)
         precision = self.prior_precision()
+        precision[first:] *= by_numbers
         hessian.flat[:: len(hessian) + 1] += precision**2
         gradient += precision * self.prior_residual(state)
         gradient[: len(projector)] = projector @ gradient[: len(projector)]
@@ -243,16 +248,13 @@ class ArmProblem:
         )
 
     def prior_precision(self) -> Array:
-        """Return inverse standard deviations of the prior of every entry of a step, (m,)."""
-        friction = np.where(self._positive, LOG_PRIOR, 1.0 / self._samples.friction_std)
-        return np.concatenate([self._prior.precision, friction])
+        """Return inverse deviations of the prior, (m,), in the coordinates of `jacobian`."""
+        return np.append(self._prior.precision, 1.0 / self._samples.friction_std)
 
     def prior_residual(self, state: ArmState) -> Array:
         """Return how far a state is from the prior's centre, in standard deviations, (m,)."""
-        arm = self._prior.deviation(state.chain, state.numbers)
-        centre = np.where(self._positive, np.log(self._samples.friction_std), 0.0)
-        vector = np.concatenate([arm, state.friction - centre])
-        return np.asarray(self.prior_precision() * vector)
+        arm = self._prior.precision * self._prior.deviation(state.chain, state.numbers)
+        return np.append(arm, self.coefficients(state) / self._samples.friction_std)
 
 
 def _chunks(count: int) -> Iterator[slice]:

@@ -1,4 +1,9 @@
-"""An arm whose links can exist from the triangular system of all torques."""
+"""
+An arm whose links can exist from the triangular system of all torques: a convex problem.
+
+Parameters are coefficients of friction, steps of placements and links. The barrier of its last
+weight stays as a prior: links are pulled to usual ones.
+"""
 
 from __future__ import annotations
 
@@ -8,29 +13,18 @@ import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
 from lip_id_ros.arrays import Array
-from lip_id_ros.identification.arm_coordinates import (
-    friction_coefficients,
-    friction_numbers,
-    straight_step,
-)
+from lip_id_ros.friction.terms import lag
 from lip_id_ros.identification.arm_prior import ArmPrior
-from lip_id_ros.identification.arm_problem import LOG_PRIOR, SMALLEST
-from lip_id_ros.identification.levenberg_marquardt import minimise
 from lip_id_ros.identification.linearisation import Linearisation
+from lip_id_ros.identification.possible_links import BarrierProblem, BARRIERS
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.identification.statistics import triangular
+from lip_id_ros.rigid_body.chain import ROTOR
 from lip_id_ros.rigid_body.pseudo_inertia import (
     link_parameter_jacobian,
     link_parameters,
     log_cholesky,
-    moved,
 )
-
-EVALUATIONS, LEAST_GAIN = 1000, 0.1
-"""
-Most evaluations, and the gain of log likelihood that is worth a step: what others move are numbers
-that change no torque and slowly follow the prior.
-"""
 
 EXISTS = 1e-12
 """Least scaled eigenvalue of links that exist already."""
@@ -43,20 +37,18 @@ LEAST_SHAPE = 1e-9
 class SystemState:
     """Parameters of an arm."""
 
-    friction: Array  # (K,), those that must be positive as logarithms
+    friction: Array  # (K,), coefficients
     placements: Array  # (r,), steps that keep the geometry
-    numbers: Array  # (n, 11), log-Cholesky
-    cost: float = np.inf
-    residual: Array | None = None  # of the system and the prior
+    numbers: Array  # (n, 11), log-Cholesky numbers of the links
 
 
 class ArmSystem:
     """
-    Least squares for `levenberg_marquardt.minimise`.
+    Least squares.
 
     The system, shape (m, K + W + 17 n + 1), has rows of features and torque in units of the noise.
-    `friction_std`, shape (K,), are deviations around zero and centres of logarithms; `inflation`
-    is of the noise's variance, since residuals are correlated.
+    `friction_std`, shape (K,), are prior deviations around zero; `inflation` is of the noise's
+    variance, since residuals are correlated.
     """
 
     def __init__(
@@ -68,7 +60,7 @@ class ArmSystem:
         friction_std: Array,
         inflation: float = 1.0,
     ) -> None:
-        prior = prior.beside(inflation)
+        self._prior = prior = prior.beside(inflation)
         self._usual = 1.0 / np.sqrt(inflation)
         self._around, self._system, self._scale = around, system, prior.scale
         self._positive, self._friction_std = around.friction.basis.is_positive, friction_std
@@ -80,30 +72,63 @@ class ArmSystem:
 
     def start(self) -> SystemState:
         """Return the state of the present parameters."""
-        smallest = SMALLEST * self._friction_std
-        friction = self._around.friction.coefficients
-        numbers = friction_numbers(friction, self._positive, smallest)
         links = log_cholesky(self._around.links, self._scale, EXISTS)
-        return self._evaluated(SystemState(numbers, np.zeros(self._allowed.shape[1]), links))
+        none = np.zeros(self._allowed.shape[1])
+        return SystemState(self._around.friction.coefficients, none, links)
 
     def at(self, step: Array, state: SystemState) -> SystemState:
         """Return a state with the parameters of one that has other placements free."""
-        return self._evaluated(replace(state, placements=self._allowed.T @ step))
+        return replace(state, placements=self._allowed.T @ step)
 
-    def solved(self, start: SystemState) -> SystemState:
-        """Descend from a state that is near."""
-        at = self._evaluated(start)
-        tolerance = 0.1 * LEAST_GAIN / max(at.cost, 1.0)
-        found = minimise(self, at, EVALUATIONS, tolerance)
-        return found if at.cost - found.cost > LEAST_GAIN else at
+    def solved(self) -> SystemState:
+        """Return the most likely state; the prior of described links is quadratic."""
+        hessian, right = self._quadratic()
+        size = np.append(self._friction_std, np.ones(self._allowed.shape[1]))
+        positive = np.pad(self._positive, (0, self._allowed.shape[1]))
+        problem = BarrierProblem.of_arm(hessian, right, self._scale, (size, positive))
+        links, rest = np.split(
+            problem.minimised(problem.usual, BARRIERS), [self._around.links.size]
+        )
+        friction, placements = np.split(rest, [self._positive.size])
+        links = links.reshape(self._around.links.shape)
+        self._settle_lags(links, friction)
+        return SystemState(friction, placements, log_cholesky(links, self._scale, EXISTS))
+
+    def _settle_lags(self, links: Array, friction: Array) -> None:
+        """Have a rotor or late friction, not both: only their difference moves the arm."""
+        basis = self._around.friction.basis
+        for part, place in zip(basis.terms, basis.slices, strict=True):
+            if part.term.kind is lag:
+                joint = part.drive.joints[0]
+                net = links[joint, ROTOR] - friction[place.start]
+                links[joint, ROTOR] = max(net, EXISTS * links[joint, ROTOR])
+                friction[place.start] = max(-net, 0.0)
+
+    def _quadratic(self) -> tuple[Array, Array]:
+        """Return H and b of x^T H x / 2 - b^T x, of links, friction, steps of placements."""
+        count, n_links = self._positive.size, self._around.links.size
+        first = count + self._shapes
+        friction, _, steps, links, torque = np.split(
+            self._system,
+            [count, first, first + len(self._allowed), first + len(self._allowed) + n_links],
+            axis=1,
+        )
+        rows = np.hstack([links, friction, steps @ self._allowed])
+        placements = self._of_placements[:, None] * self._allowed
+        centre, precision = self._prior.of_links()
+        if self._prior.chain is None:  # the barrier is prior enough
+            precision = np.zeros_like(precision)
+        hessian = rows.T @ rows + block_diag(
+            *precision, np.diag(self._of_friction**2), placements.T @ placements
+        )
+        right = rows.T @ torque[:, 0]
+        right[:n_links] += (precision @ centre[..., None]).ravel()
+        right[n_links + count :] -= placements.T @ (self._of_placements * self._away)
+        return hessian, right
 
     def links(self, state: SystemState) -> Array:
         """Return the parameters of the links, shape (n, 11)."""
         return link_parameters(state.numbers, self._scale)
-
-    def friction(self, state: SystemState) -> Array:
-        """Return the coefficients of friction, shape (K,)."""
-        return friction_coefficients(state.friction, self._positive)
 
     def step(self, state: SystemState) -> Array:
         """Return the step of the placements, shape (6 n,)."""
@@ -112,37 +137,24 @@ class ArmSystem:
     def parameters(self, state: SystemState) -> Array:
         """Return all parameters of the linearisation, shape (K + W + 17 n,)."""
         shapes, links = np.zeros(self._shapes), self.links(state).ravel()
-        return np.concatenate([self.friction(state), shapes, self.step(state), links])
+        return np.concatenate([state.friction, shapes, self.step(state), links])
 
     def slopes(self, state: SystemState) -> Array:
-        """Differentiate the parameters by a step of the state, (K + W + 17 n, K + r + 11 n)."""
-        friction = np.diag(np.where(self._positive, self.friction(state), 1.0))
-        friction = np.pad(friction, ((0, self._shapes), (0, 0)))
+        """
+        Differentiate the parameters, (K + W + 17 n, K + r + 11 n).
+
+        By coefficients of friction, steps of placements and log-Cholesky numbers.
+        """
+        friction = np.eye(self._positive.size + self._shapes, self._positive.size)
         links = link_parameter_jacobian(state.numbers, self._scale)
         return np.asarray(block_diag(friction, self._allowed, *links))
 
     def prior_rows(self, state: SystemState) -> Array:
-        """Return the rows of the prior of a step, (m, K + r + 11 n + 1)."""
+        """Return the rows of the prior in the coordinates of `slopes`, (m, K + r + 11 n + 1)."""
         friction, links = (np.diag(each) for each in (self._of_friction, self._of_links))
         placements = self._of_placements[:, None] * self._allowed
         matrix = block_diag(friction, placements, links)
         return np.column_stack([matrix, -self._prior_residual(state)])
-
-    def stepped(self, state: SystemState, step: Array) -> SystemState:
-        """Return the state that a step leads to; parameters move along straight lines."""
-        first, last = state.friction.size, state.friction.size + state.placements.size
-        friction = straight_step(step[:first], self._positive)
-        numbers = moved(state.numbers, step[last:].reshape(state.numbers.shape))
-        placements = state.placements + step[first:last]
-        return self._evaluated(SystemState(state.friction + friction, placements, numbers))
-
-    def normal_equations(self, state: SystemState) -> tuple[Array, Array]:
-        """Return J^T J and J^T r of steps at a state."""
-        assert state.residual is not None
-        jacobian = np.vstack(
-            [self._system[:, :-1] @ self.slopes(state), self.prior_rows(state)[:, :-1]]
-        )
-        return jacobian.T @ jacobian, jacobian.T @ state.residual
 
     def covariance_root(self, state: SystemState) -> Array:
         """Return a root of the covariance as in `ArmPosterior`, shapes of friction included."""
@@ -161,25 +173,16 @@ class ArmSystem:
 
     @property
     def _of_friction(self) -> Array:
-        precision = np.where(self._positive, LOG_PRIOR, 1.0 / self._friction_std)
-        return np.asarray(self._usual * precision)
+        return np.asarray(1.0 / self._friction_std)
 
     def _prior_residual(self, state: SystemState) -> Array:
-        centre = np.where(self._positive, np.log(self._friction_std), 0.0)
         return np.concatenate(
             [
-                self._of_friction * (state.friction - centre),
+                self._of_friction * state.friction,
                 self._of_placements * (self._away + self.step(state)),
                 self._of_links * state.numbers.ravel(),
             ]
         )
-
-    def _evaluated(self, state: SystemState) -> SystemState:
-        with np.errstate(over='ignore', invalid='ignore'):
-            fit = self._system[:, :-1] @ self.parameters(state) - self._system[:, -1]
-            residual = np.concatenate([fit, self._prior_residual(state)])
-            cost = 0.5 * float(residual @ residual)
-        return replace(state, cost=cost if np.isfinite(cost) else np.inf, residual=residual)
 
 
 def _range_of(projector: Array) -> Array:

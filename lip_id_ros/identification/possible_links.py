@@ -18,6 +18,9 @@ from lip_id_ros.rigid_body.pseudo_inertia import BODY, LinkScale, UNIT_INERTIAS
 
 ITERATIONS, SHORTEST, ROUNDING = 50, 1e-10, 1e-14
 
+BARRIERS = (1e4, 1e2, 1.0, 1e-2)
+"""Weights of the barrier of a whole arm, in log likelihood, one after the other."""
+
 CONVERGED = 1e-6
 """Gain that a step promises, in the weight of the barrier, where a descent ends."""
 
@@ -70,6 +73,17 @@ class BarrierProblem:
         pull[must] = 1.0 / np.append(np.broadcast_to(scale.rotors, n), size[positive])
         return cls(hessian, right, bodies, units, must, pull)
 
+    @property
+    def usual(self) -> Array:
+        """Parameters where the barrier with its pull is least, others zero: a start, (m,)."""
+        out = np.zeros(self.right.size)
+        out[self.positive] = 1.0 / self.pull[self.positive]
+        values = np.tile(np.eye(4), (len(self.bodies), 1, 1))
+        flat = self.units.reshape(*self.units.shape[:2], 16)
+        for own, units, value in zip(self.bodies, flat, values.reshape(-1, 16), strict=True):
+            out[own] = np.linalg.lstsq(units.T, value, rcond=None)[0]
+        return out
+
     def minimised(self, at: Array, barriers: tuple[float, ...]) -> Array:
         """Descend from parameters (m,) that can be, with ever smaller weights of the barrier."""
         for barrier in barriers:
@@ -90,7 +104,8 @@ class BarrierProblem:
         """Return the gradient and Hessian of the cost with the barrier."""
         gradient = self.hessian @ at - self.right + barrier * self.pull
         hessian = self.hessian.copy()
-        inner = np.linalg.inv(self._inertias(at))[:, None] @ self.units
+        inverse = np.linalg.inv(np.linalg.cholesky(self._inertias(at)))
+        inner = (np.swapaxes(inverse, 1, 2) @ inverse)[:, None] @ self.units
         gradient[self.bodies] -= barrier * np.trace(inner, axis1=2, axis2=3)
         curvature = np.einsum('nkab,nlba->nkl', inner, inner)
         hessian[self.bodies[:, :, None], self.bodies[:, None]] += barrier * curvature

@@ -9,7 +9,7 @@ correlated residuals for signal.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -117,7 +117,28 @@ class ResidualProcess:
     replaces: bool  # takes the place of the links
     lengths: Array  # (d,), of the inputs
     noise: float  # variance, in variances of the process
-    left_out_std: float  # of left-out blocks of time [N m or N]
+    weight: float = 1.0  # of its mean in the torque
+    left_out_std: float = 0.0  # of left-out blocks of time [N m or N]
+
+
+def _weighted(
+    process: ResidualProcess, residuals: Sequence[Array], errors: Sequence[Array]
+) -> tuple[ResidualProcess, list[Array]]:
+    """
+    Return a process with the weight that left-out motions ask for, and the errors it then has.
+
+    The slope of left-out residuals e on predictions g, less its standard error over the folds,
+    between 0 and 1. Errors are e - g.
+    """
+    predictions = [e - error for e, error in zip(residuals, errors, strict=True)]
+    products = np.array([e @ g for e, g in zip(residuals, predictions, strict=True)])
+    squares = np.array([g @ g for g in predictions])
+    total = max(float(squares.sum()), 1e-300)
+    slope = products.sum() / total
+    error = np.sqrt(np.sum((products - slope * squares) ** 2)) / total
+    weight = float(np.clip(slope - error, 0.0, 1.0))
+    left = [e - weight * g for e, g in zip(residuals, predictions, strict=True)]
+    return replace(process, weight=weight), left
 
 
 def fold_masks(dataset: Dataset, rows: IndexArray) -> list[tuple[BoolArray, int]]:
@@ -170,13 +191,15 @@ class Targets:
             target = self.of_joint(joint, each.replaces)
             gram = correlation(self.x, self.x, each.lengths) + self.known(joint, each.replaces)
             gram[np.diag_indices_from(gram)] += each.noise
-            alpha[:, joint] = cho_solve(cho_factor(gram, lower=True), target)
-            variance[joint] = float(target @ alpha[:, joint]) / len(target)
+            weights = cho_solve(cho_factor(gram, lower=True), target)
+            alpha[:, joint] = each.weight * weights
+            variance[joint] = each.weight * float(target @ weights) / len(target)
             if each.replaces:
                 friction[joint] = FRICTION_VARIANCE * self.friction[:, joint].T @ alpha[:, joint]
+        few = self._sparse(lengths, alpha, LARGEST_ERROR * left_out_std)
+        lengths *= few.any(axis=0)[:, None]  # others are zero to a tenth of the error
         if not lengths.any():
             return None
-        few = self._sparse(lengths, alpha, LARGEST_ERROR * left_out_std)
         own = lengths, noise, variance, left_out_std
         return ResidualGP(self.inputs, self.x, *own, replaces, stored_weights(few), friction)
 
@@ -203,32 +226,37 @@ class ResidualGPSelection:
     def chosen(self, joint: int) -> ResidualProcess | None:
         """Return the process of one joint; None where it is better off without."""
         folds = [fold for fold in self._folds if fold.joint in (-1, joint)]
-        alone = Errors.of(folds, [fold.residual[fold.out, joint] for fold in folds])
-        if alone.block_std < NOTHING * self._targets.tau[:, joint].std():
+        residuals = [fold.residual[fold.out, joint] for fold in folds]
+        alone = Errors.of(folds, residuals)
+        std = self._targets.tau[:, joint].std()
+        if alone.block_std < NOTHING * std:
             return None
-        best: ResidualProcess | None = None
-        errors = alone
+        beside = self._candidates(joint, False, folds)
+        weighted = [_weighted(each, residuals, left_out) for each, left_out in beside]
+        best, errors = min(weighted, key=lambda each: sum(np.sum(e**2) for e in each[1]))
+        now = Errors.of(folds, errors)
+        best = replace(best, left_out_std=now.block_std)
         # A process is wrong without bound where it is wrong, above all in place of the links.
-        for replaces in (False, True):
-            if replaces and alone.block_std < HOPELESS * self._targets.tau[:, joint].std():
-                continue
-            candidates = self._candidates(joint, replaces, folds)
-            candidate, left_out = min(candidates, key=lambda each: each[1].score)
-            if left_out.are_below(errors):
-                best, errors = candidate, left_out
-        return best
+        if now.block_std >= HOPELESS * std:
+            instead = [
+                (Errors.of(folds, left_out), each)
+                for each, left_out in self._candidates(joint, True, folds)
+            ]
+            errors, candidate = min(instead, key=lambda each: each[0].score)
+            if errors.are_below(now):
+                return replace(candidate, left_out_std=errors.block_std)
+        return best if best.weight else None
 
     def _candidates(
         self, joint: int, replaces: bool, folds: Sequence[Fold]
-    ) -> Iterator[tuple[ResidualProcess, Errors]]:
-        """Yield processes with the errors of left-out samples."""
+    ) -> Iterator[tuple[ResidualProcess, list[Array]]]:
+        """Yield processes with the errors of left-out samples of each fold."""
         x, known = self._targets.x, self._targets.known(joint, replaces)
         for lengths, noises in self._offers(joint, replaces, known):
             gram = correlation(x, x, lengths) + known
             for noise in noises:
                 left_out = [self._left_out(fold, joint, replaces, gram, noise) for fold in folds]
-                errors = Errors.of(folds, left_out)
-                yield ResidualProcess(replaces, lengths, noise, errors.block_std), errors
+                yield ResidualProcess(replaces, lengths, noise), left_out
 
     def _offers(
         self, joint: int, replaces: bool, known: Array
@@ -316,7 +344,7 @@ def left_out_fits(
 
 def linearised(problem: ArmProblem, dataset: Dataset, fit: ArmFit) -> tuple[Array, Array]:
     """
-    Return how torques change with a step from a fit, (N, n, m), and residuals (N, n) [N m or N].
+    Return the Jacobian of torques at a fit, (N, n, m), and residuals (N, n) [N m or N].
 
     The loads that friction bears change with the links.
     """

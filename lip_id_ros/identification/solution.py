@@ -154,7 +154,7 @@ class _Solver:
     def round(self) -> None:
         """Solve once with the present deviations and noise, and estimate both anew."""
         self._problem = self._moving()
-        self._state = self._problem.solved(self._state)
+        self._state = self._problem.solved()
         self._measure()
 
     def _moving(self) -> ArmSystem:
@@ -185,7 +185,7 @@ class _Solver:
             chain=self._moves.projected(moved_chain(around.chain, problem.step(state))),
             links=problem.links(state),
             numbers=state.numbers,
-            friction=FrictionModel(around.friction.basis, problem.friction(state)),
+            friction=FrictionModel(around.friction.basis, state.friction),
             deviations=self._deviations,
             recordings=self._fits,
             n_robots=int(self._total.group.max()) + 1,

@@ -55,7 +55,7 @@ def noisy(seed: int) -> Dataset:
 
 def test_what_right_geometry_gains_does_not_pay_for_wrong_geometry() -> None:
     """Right angles predict better by more than axes lose that are wrongly taken to meet."""
-    fitter, chain = ArmFitter(noisy(2)), true_chain()
+    fitter, chain = ArmFitter(noisy(4)), true_chain()
     # a curve that slow errors call for is no matter of the geometry
     fit = fitter.best_start([chain], fitter.selected(chain, Offer(named_candidates, levers=True)))
     geometry = select_geometry(fitter, fitter.refined(fitter.dataset, fit)).geometry
