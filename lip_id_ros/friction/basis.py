@@ -71,8 +71,7 @@ class FrictionBasis:
     @property
     def prior_shares(self) -> Array:
         """Prior deviations of the coefficients, as shares of those of usual size, (K,)."""
-        shares = (each.share * each.term.prior_share for each in self.terms)
-        return np.repeat(list(shares), [each.size for each in self.terms])
+        return np.array([e.term.prior_share for e in self.terms for _ in range(e.size)])
 
     @property
     def is_positive(self) -> BoolArray:

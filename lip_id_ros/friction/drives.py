@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from inspect import signature
 from typing import Any
 
@@ -54,15 +54,10 @@ class Drive:
 
 @dataclass(frozen=True)
 class DriveTerm:
-    """
-    One term of one drive.
-
-    `share` is the prior deviation of its coefficients, as a share of usual ones.
-    """
+    """One term of one drive."""
 
     drive: Drive
     term: Term
-    share: float = field(default=1.0, compare=False)
 
     @property
     def size(self) -> int:

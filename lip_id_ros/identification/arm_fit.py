@@ -13,7 +13,7 @@ from lip_id_ros.description.robot import RobotDescription
 from lip_id_ros.friction.basis import FrictionBasis
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import TorqueNoise
-from lip_id_ros.identification.arm_coordinates import coefficient_std, friction_numbers
+from lip_id_ros.identification.arm_coordinates import coefficient_std
 from lip_id_ros.identification.arm_prior import (
     ArmPrior,
     DescriptionSettings,
@@ -33,7 +33,6 @@ from lip_id_ros.identification.kinematic_calibration import (
 )
 from lip_id_ros.identification.placement_search import least_noise, LENGTH, torque_size
 from lip_id_ros.identification.sample_selection import covering, evenly
-from lip_id_ros.identification.shrinkage import shrunk_friction
 from lip_id_ros.identification.simple_geometry import Geometry
 from lip_id_ros.rigid_body import Chain, STANDARD_GRAVITY
 from lip_id_ros.rigid_body.chain import NO_COUPLINGS
@@ -62,9 +61,6 @@ in memory at one time.
 
 FIRST_ROUND, LAST_ROUNDS, KEPT = (40,), (30, 20), 2
 """Of starts: all go through the first round, the best through the last ones."""
-
-SMALLEST = 1e-300
-"""Least coefficient of friction that has a logarithm."""
 
 Described = tuple[RobotDescription, DescriptionSettings]
 
@@ -166,20 +162,6 @@ class ArmFitter:
         problem = self.problem(self.some(START_SAMPLES), changed)
         numbers = problem.friction_numbers(selected.friction.coefficients)
         return replace(changed, state=replace(fit.state, friction=numbers))
-
-    def shrunk(self, fit: ArmFit) -> ArmFit:
-        """Return a fit with all terms on offer, each shrunk, with the joints where they are."""
-        arm = fit.chain, self.link_std, self.prior.scale
-        found = shrunk_friction(self.dataset, *arm, fit.friction.basis)
-        positive = found.friction.basis.is_positive
-        numbers = friction_numbers(found.friction.coefficients, positive, SMALLEST)
-        std = np.maximum(found.noise.std, self.least_noise)
-        return replace(
-            fit,
-            state=replace(fit.state, friction=numbers),
-            friction=found.friction,
-            noise=replace(found.noise, std=std),
-        )
 
     def with_geometry(self, fit: ArmFit, geometry: Geometry) -> ArmFit:
         """Fit placements that have a geometry to some of the samples."""

@@ -26,6 +26,12 @@ from lip_id_ros.rigid_body.pseudo_inertia import (
     log_cholesky,
 )
 
+NEAR = 0.02
+"""
+Deviation of steps of placements [rad, m]: a linearisation holds no farther. Where links can make
+up for a step, their prior would move it as far as it likes.
+"""
+
 EXISTS = 1e-12
 """Least scaled eigenvalue of links that exist already."""
 
@@ -116,10 +122,9 @@ class ArmSystem:
         rows = np.hstack([links, friction, steps @ self._allowed])
         placements = self._of_placements[:, None] * self._allowed
         centre, precision = self._prior.of_links()
-        if self._prior.chain is None:  # the barrier is prior enough
-            precision = np.zeros_like(precision)
+        near = np.eye(self._allowed.shape[1]) / NEAR**2
         hessian = rows.T @ rows + block_diag(
-            *precision, np.diag(self._of_friction**2), placements.T @ placements
+            *precision, np.diag(self._of_friction**2), placements.T @ placements + near
         )
         right = rows.T @ torque[:, 0]
         right[:n_links] += (precision @ centre[..., None]).ravel()

@@ -16,11 +16,9 @@ from lip_id_ros.friction.terms import (
     asymmetric,
     coulomb,
     dahl,
-    lag,
     load_coulomb,
     load_torque,
     load_viscous,
-    offset,
     position_coulomb,
     presliding,
     quadratic,
@@ -243,55 +241,3 @@ def with_width(candidates: Sequence[Candidate], joint: int, width: float) -> Can
     terms = [each.terms[0].term for each in candidates if each.terms[0].drive == drive]
     wide = [term.changed(width=width) for term in terms]
     return Candidate(tuple(DriveTerm(drive, term) for term in wide))
-
-
-PLAIN = viscous, coulomb, offset, lag
-"""Friction that every drive has."""
-
-
-def is_plain(part: DriveTerm) -> bool:
-    """Return whether a term is one that the drive of every joint has."""
-    return part.term.kind in PLAIN and len(part.drive.joints) == 1
-
-
-def plain_terms(widths: Array) -> list[DriveTerm]:
-    """
-    Return viscous and Coulomb friction and an offset for every joint.
-
-    Viscous friction may be late: only its difference to the rotor's inertia is known.
-    """
-    late = [DriveTerm(Drive.of_joint(joint), lag()) for joint in range(len(widths))]
-    return [*plain_friction(len(widths), widths).terms, *late]
-
-
-def presliding_terms(widths: Array, dataset: Dataset) -> list[DriveTerm]:
-    """Return pre-sliding friction for every joint."""
-    return [term for each in presliding_candidates(widths, dataset) for term in each.terms]
-
-
-def offered_terms(widths: Array, dataset: Dataset) -> list[DriveTerm]:
-    """
-    Return the terms that are shrunk beside viscous and Coulomb friction and offsets.
-
-    Widths of smooth signs have shape (n,) [rad/s or m/s].
-    """
-    smoothing = rise_time(dataset) * _usual_acceleration(dataset)
-    out = presliding_terms(widths, dataset)
-    for j, width in enumerate(float(each) for each in widths):
-        own = Drive.of_joint(j)
-        named = stribeck(width, float(smoothing[j])), saturating(width), load_coulomb(width)
-        out += [DriveTerm(own, term) for term in (*named, *_curve_terms(dataset, j))]
-        out += memory_terms(j, width)
-    for each in [*_coupled(widths), *_transmitted(widths)[::2]]:
-        out += each.terms
-    return out
-
-
-def _curve_terms(dataset: Dataset, joint: int) -> list[Term]:
-    """Return curves over the position and the velocity of a joint, over the range of most."""
-    out = []
-    for kind, values in ((position_curve, dataset.q), (velocity_curve, dataset.dq)):
-        low, high = np.quantile(values[:, joint], (OUTSIDE, 1.0 - OUTSIDE)).tolist()
-        if high > low:
-            out.append(kind(low, high, CURVE_STEPS[0]))
-    return out

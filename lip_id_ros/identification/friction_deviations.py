@@ -52,17 +52,7 @@ class NestedEffects:
     group: IntArray  # (R,), number of the robot, from 0
 
     def estimated(self, start: Array) -> Effects:
-        """Estimate the deviations, from first ones of shape (k,); others than zeros vary."""
-        varies = start > 0.0
-        normal = self.normal[:, varies][:, :, varies]
-        found = NestedEffects(normal, self.right[:, varies], self.group)._varying(start[varies])
-        values = {}
-        for name, own in vars(found).items():
-            values[name] = np.zeros((*own.shape[:-1], start.size))
-            values[name][..., varies] = own
-        return Effects(**values)
-
-    def _varying(self, start: Array) -> Effects:
+        """Estimate the deviations, from first ones of shape (k,); zeros stay zero."""
         count, n_groups = len(self.normal), int(self.group.max()) + 1
         nested = LEAST_GROUPS <= n_groups < count
         first = start**2 * np.array([[count >= LEAST_GROUPS], [nested]])

@@ -195,8 +195,6 @@ def _identified(
     fitter, agree = search.fitter, halves_agree(search, calibration)
     fit = _fitted(fitter, calibration, OFFERS[terms], progress)
     fit, arm, solution, total = posterior(fitter, fit)
-    if terms == PROCESSES:
-        fit, arm, solution, total = posterior(fitter, fitter.shrunk(fit), is_placed=True)
     residual_gp = select_residual_gp(fitter, fit) if terms == PROCESSES else None
     arm = replace(arm, noise=prediction_noise(fitter, fit, arm.noise, residual_gp))
     kinematics_std = table_deviations(total, solution, known_of(fitter, fit))

@@ -51,20 +51,12 @@ SMALLEST = 1e-300
 """Least coefficient of friction that has a logarithm."""
 
 
-def posterior(
-    fitter: ArmFitter, fit: ArmFit, is_placed: bool = False
-) -> tuple[ArmFit, ArmPosterior, Solution, Total]:
-    """
-    Return a fit to all samples, its posterior, and the solution and statistics of both.
-
-    `is_placed`: the placements are fitted to all samples already.
-    """
-    if not is_placed:
-        fit = fitter.to_all_samples(fit)
-        is_placed = _is_fitted(fitter.dataset)
-    some, total, known = fitter.some(SAMPLES), total_of(fitter, fit), known_of(fitter, fit)
+def posterior(fitter: ArmFitter, fit: ArmFit) -> tuple[ArmFit, ArmPosterior, Solution, Total]:
+    """Return the fit to all samples, its posterior, and the solution and statistics of both."""
+    fit, known = fitter.to_all_samples(fit), known_of(fitter, fit)
+    some, total = fitter.some(SAMPLES), total_of(fitter, fit)
     fixed = replace(fit.geometry, rigid=True)
-    for moves in (fixed,) if is_placed else (fit.geometry, fixed):
+    for moves in (fixed,) if _is_fitted(fitter.dataset) else (fit.geometry, fixed):
         solution = solve(total, known, moves)
         if is_linear(total.around, solution, some):
             break

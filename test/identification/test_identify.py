@@ -20,7 +20,6 @@ from lip_id_ros.identification.identify import (
     identify,
     NAMED,
 )
-from lip_id_ros.model.residual_gp import ResidualGPMean
 from lip_id_ros.rigid_body.pseudo_inertia import pseudo_inertia
 
 NOISE = 1e-3
@@ -50,9 +49,7 @@ def test_random_arms(joint_types: tuple[str, ...]) -> None:
     motion = arm.motion(100, seed=1)
     assert_predicts(found, motion, arm.torque(*motion))
     assert found.searches_agreed
-    if found.residual_gp is not None:  # of noise
-        torque = ResidualGPMean(found.residual_gp).torque(*motion)
-        assert (torque.std(axis=0) < 0.2 * noise).all()
+    assert found.residual_gp is None
     assert found.outliers == 0
     assert (np.linalg.eigvalsh(pseudo_inertia(found.arm.links)) > 0.0).all()
 

@@ -29,7 +29,6 @@ from lip_id_ros.model.residual_gp import (
     Inputs,
     near_and_beyond,
     ResidualGP,
-    ResidualGPMean,
     stored_inputs,
 )
 
@@ -61,12 +60,10 @@ def selected(residual: Array, tau: Array) -> ResidualGP | None:
 
 
 @pytest.mark.slow
-def test_noise_has_next_to_no_process() -> None:
+def test_noise_has_no_process() -> None:
     for seed in range(5):
         noise = np.random.default_rng(seed).standard_normal((N, 2))
-        found = selected(noise, 10.0 * noise + motion()[0])
-        if found is not None:
-            assert (ResidualGPMean(found).torque(*motion()).std(axis=0) < 0.1).all()
+        assert selected(noise, 10.0 * noise + motion()[0]) is None
 
 
 def test_a_function_of_the_state_is_learned_beside_the_links() -> None:

@@ -1,5 +1,7 @@
 """
-Friction by terms that are all present, each shrunk as far as the data ask (maths.md, section 12).
+Errors of friction by terms that are all present and shrunk, relative to the selected ones.
+
+On real recordings, with the joints where the default fit has them, without processes.
 
 The coefficients of a term have a common prior deviation around zero. Two ways find it, and their
 deviations are averaged, since an average is stabler than either. The evidence: the fixed point of
@@ -10,20 +12,26 @@ logarithms of the squares of left-out motions.
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
+from benchmarks._real import ARMS, SPLITS
+from benchmarks._results import line, short
 from lip_id_ros.arrays import Array, BoolArray, IndexArray
 from lip_id_ros.dataset import Dataset
-from lip_id_ros.friction.basis import FrictionBasis
-from lip_id_ros.friction.conservative_terms import lever_spring
-from lip_id_ros.friction.drives import DriveTerm
+from lip_id_ros.evaluation.metrics import nmse_percent
+from lip_id_ros.friction.basis import FrictionBasis, plain_friction
+from lip_id_ros.friction.conservative_terms import lever_spring, position_curve, velocity_curve
+from lip_id_ros.friction.drives import Drive, DriveTerm
 from lip_id_ros.friction.model import FrictionModel
 from lip_id_ros.friction.noise import (
     estimate_noise,
@@ -31,21 +39,31 @@ from lip_id_ros.friction.noise import (
     outlier_weights,
     TorqueNoise,
 )
-from lip_id_ros.friction.terms import coulomb, lag
+from lip_id_ros.friction.terms import (
+    coulomb,
+    lag,
+    load_coulomb,
+    load_torque,
+    offset,
+    saturating,
+    stribeck,
+    Term,
+    viscous,
+)
+from lip_id_ros.identification import fit
 from lip_id_ros.identification.arm_coordinates import coefficient_std
+from lip_id_ros.identification.arm_fit import ArmFitter
+from lip_id_ros.identification.arm_prior import links_torque
 from lip_id_ros.identification.folds import recurrent_folds
 from lip_id_ros.identification.friction_candidates import (
-    is_plain,
-    offered_terms,
-    plain_terms,
-    presliding_terms,
+    memory_terms,
+    presliding_candidates,
     rise_time,
 )
 from lip_id_ros.identification.left_out import bounded_solutions
 from lip_id_ros.identification.possible_links import BarrierProblem, BARRIERS
-from lip_id_ros.identification.sample_selection import evenly
+from lip_id_ros.identification.sample_selection import evenly, remembering, without_long_rests
 from lip_id_ros.rigid_body import Chain
-from lip_id_ros.rigid_body.chain import ROTOR
 from lip_id_ros.rigid_body.pseudo_inertia import LinkScale
 from lip_id_ros.rigid_body.regressor import torque_regressor
 
@@ -53,18 +71,8 @@ FOLDS, MOST_SAMPLES = 6, 12_000
 """Motions that are left out at most, and samples; of more, so many evenly chosen."""
 
 
-class Evidence(NamedTuple):
-    """The evidence in which one sample in `count` counts, and a term has to earn `price`."""
-
-    count: float
-    price: float
-
-
-WAYS = Evidence(2.0, 3.0), Evidence(5.0, 1.0), Evidence(10.0, 1.0)
-"""
-Averaged with the folds: 0.89 times the error of selected terms on 25 real splits, each way alone
-0.92 to 1.05. Without a price recordings of 30 s are overfitted two to four times.
-"""
+WAYS = (2.0, 3.0), (5.0, 1.0), (10.0, 1.0)
+"""Of the evidence: one sample in so many counts, and the parameters that a term has to earn."""
 
 LEAST, MOST = np.exp(-9.0), np.exp(1.0)
 """Of prior deviations, where 1 makes a torque of the size of the measured one's deviation."""
@@ -90,19 +98,8 @@ FIRST_NOISE, LEAST_NOISE = 0.05, 1e-4
 LEAST_FREEDOM = 0.1
 """Least share of the samples that counts as left after the parameters."""
 
-LEAST_TORQUE = 0.1
-"""Root mean square torque of a term that is kept, in the noise of a joint."""
-
 TINY = 1e-12
 """Least deviation or size of a feature that is one."""
-
-
-@dataclass(frozen=True, eq=False)
-class ShrunkFriction:
-    """Friction whose terms know their prior deviations."""
-
-    friction: FrictionModel
-    noise: TorqueNoise  # of left-out samples
 
 
 class Prior(NamedTuple):
@@ -118,9 +115,9 @@ def shrunk_friction(
     link_std: Array,
     scale: LinkScale,
     selected: FrictionBasis,
-) -> ShrunkFriction:
+) -> tuple[FrictionModel, Array]:
     """
-    Return the friction with the joints in given places, beside links of about some `scale`.
+    Return friction and links (n, 11) with the joints in given places, about some `scale`.
 
     Their parameters have prior deviations `link_std`, shape (n, 11), around zero. Widths of signs
     and springs between two points are those of a basis that has been `selected`. Loads and the
@@ -142,8 +139,7 @@ def shrunk_friction(
         parameters = grams.solve(prior)
         load = samples.links_torque(parameters)
         samples = samples.reweighted(grams.left_out_residuals(prior))
-    friction = grams.kept(grams.possible(prior, scale), prior, samples.noise)
-    return ShrunkFriction(friction, samples.noise)
+    return grams.split(grams.possible(prior, scale))
 
 
 def sign_widths(basis: FrictionBasis) -> Array:
@@ -304,7 +300,8 @@ class Grams:
     @cached_property
     def plain(self) -> Prior:
         """Prior in which the terms that shrink are nothing, with the noise of left-out motions."""
-        prior = Prior(np.where(self._shrinks, LEAST, 1.0), np.full(self._torque_std.size, FIRST_NOISE))
+        noise = np.full(self._torque_std.size, FIRST_NOISE)
+        prior = Prior(np.where(self._shrinks, LEAST, 1.0), noise)
         for _ in range(NOISE_ROUNDS):
             prior = self._measured(prior)
         return prior
@@ -402,28 +399,100 @@ class Grams:
         problem = BarrierProblem.of_arm(hessian, right, scale, (size, positive))
         return problem.minimised(problem.usual, BARRIERS)
 
-    def kept(self, parameters: Array, prior: Prior, noise: TorqueNoise) -> FrictionModel:
-        """
-        Return the terms that make a torque beside the noise, with their prior deviations.
+    def split(self, parameters: Array) -> tuple[FrictionModel, Array]:
+        """Return friction, and links (n, 11)."""
+        links, friction = np.split(parameters, [self._n_links])
+        model = FrictionModel(self._basis, np.maximum(friction, self._basis.lower))
+        return model, links.reshape(len(self._columns), -1)
 
-        Late friction only where it exceeds what a rotor explains.
-        """
-        links = parameters[: self._n_links].reshape(len(self._columns), -1)
-        friction = parameters[self._n_links :]
-        torque = np.zeros((len(self._columns), friction.size))
-        for j, columns in enumerate(self._columns):
-            rows = self._features[j][:, self._n_links :] / self._units[columns][self._n_links :]
-            own = columns[self._n_links :] - self._n_links
-            torque[j, own] = np.sqrt(np.mean((rows * friction[own]) ** 2, axis=0)) / noise.std[j]
-        size = np.sqrt(np.bincount(self._group, (torque**2).sum(axis=0)))
-        terms, values = [], []
-        places = zip(self._terms, self._basis.slices, size, prior.deviations, strict=True)
-        for part, place, shown, deviation in places:
-            late = part.term.kind is lag
-            if late and friction[place] < links[part.drive.joints[0], ROTOR]:
-                continue
-            if is_plain(part) or shown > LEAST_TORQUE:
-                terms.append(replace(part, share=float(deviation) / part.term.prior_share))
-                values.append(friction[place])
-        basis = replace(self._basis, terms=tuple(terms))
-        return FrictionModel(basis, np.maximum(np.concatenate(values), basis.lower))
+
+PLAIN = viscous, coulomb, offset, lag
+STEPS, OUTSIDE = 8, 0.002
+"""Steps of curves, and the share of the samples beyond them at either end."""
+
+
+def is_plain(part: DriveTerm) -> bool:
+    """Return whether a term is one that the drive of every joint has."""
+    return part.term.kind in PLAIN and len(part.drive.joints) == 1
+
+
+def plain_terms(widths: Array) -> list[DriveTerm]:
+    """
+    Return viscous and Coulomb friction and an offset for every joint.
+
+    Viscous friction may be late: only its difference to the rotor's inertia is known.
+    """
+    late = [DriveTerm(Drive.of_joint(joint), lag()) for joint in range(len(widths))]
+    return [*plain_friction(len(widths), widths).terms, *late]
+
+
+def presliding_terms(widths: Array, dataset: Dataset) -> list[DriveTerm]:
+    """Return pre-sliding friction for every joint."""
+    return [term for each in presliding_candidates(widths, dataset) for term in each.terms]
+
+
+def offered_terms(widths: Array, dataset: Dataset) -> list[DriveTerm]:
+    """Return the terms that are shrunk, for widths of smooth signs (n,) [rad/s or m/s]."""
+    smoothing = rise_time(dataset) * np.sqrt(np.mean(dataset.ddq**2, axis=0))
+    out = presliding_terms(widths, dataset)
+    for j, width in enumerate(float(each) for each in widths):
+        own = Drive.of_joint(j)
+        named = stribeck(width, float(smoothing[j])), saturating(width), load_coulomb(width)
+        out += [DriveTerm(own, term) for term in (*named, *_curves(dataset, j))]
+        out += memory_terms(j, width)
+        for to in (j - 1, j + 1):
+            if 0 <= to < len(widths):
+                out.append(DriveTerm(Drive.transmitted(j, to), load_torque()))
+        for ratio in (1.0, -1.0):
+            if j:
+                drive = Drive((j, j - 1), (1.0, ratio))
+                both = float(np.hypot(widths[j], widths[j - 1]))
+                out += [DriveTerm(drive, viscous()), DriveTerm(drive, coulomb(both))]
+    return out
+
+
+def _curves(dataset: Dataset, joint: int) -> list[Term]:
+    out = []
+    for kind, values in ((position_curve, dataset.q), (velocity_curve, dataset.dq)):
+        low, high = np.quantile(values[:, joint], (OUTSIDE, 1.0 - OUTSIDE)).tolist()
+        if high > low:
+            out.append(kind(low, high, STEPS))
+    return out
+
+
+def _torque(chain: Chain, links: Array, friction: FrictionModel, dataset: Dataset) -> Array:
+    dataset = remembering(dataset)
+    load = links_torque(chain, links, dataset)
+    state = dataset.q, dataset.dq, dataset.ddq
+    return np.asarray(load + friction.torque(*state, load, dataset.history))
+
+
+def errors(train: Dataset, test: Dataset) -> tuple[Array, Array]:
+    """Return errors with shrunk terms and with the default fit, (n,) [%]."""
+    model = fit(train)
+    arm = model.arm
+    assert arm is not None
+    data = remembering(train)
+    data = data.select(without_long_rests(data))
+    fitter = ArmFitter(data)
+    known = arm.chain, fitter.link_std, fitter.prior.scale, arm.friction.basis
+    friction, links = shrunk_friction(data, *known)
+    shrunk = _torque(arm.chain, links, friction, test)
+    usual = model.predict(test.q, test.dq, test.ddq, test.t).tau
+    return nmse_percent(shrunk, test.tau), nmse_percent(usual, test.tau)
+
+
+def main(arguments: list[str]) -> int:
+    """Print the errors of every split of the real arms, and their geometric mean."""
+    parser = argparse.ArgumentParser(prog='benchmarks shrinkage', description=__doc__)
+    parser.add_argument('data', type=Path, help='folder of the recordings')
+    parser.add_argument('--arms', nargs='+', choices=ARMS, default=list(ARMS))
+    options = parser.parse_args(arguments)
+    logarithms = []
+    for name, split in product(options.arms, SPLITS):
+        shrunk, usual = errors(*ARMS[name].split(options.data, split))
+        logarithms.append(float(np.mean(np.log(shrunk / usual))))
+        cells = ' '.join(short(each) for each in shrunk)
+        print(line(f'{name}, {split}', cells, f'{np.exp(logarithms[-1]):.2f}'), flush=True)
+    print(line('all', '', f'{np.exp(np.mean(logarithms)):.2f}'))
+    return 0
