@@ -271,10 +271,11 @@ class FollowedArm:
         factors = np.linalg.cholesky(pseudo_inertia(self.arm.links))
         scale = LinkScale(factors, self.arm.links[:, -1])
         by_numbers = link_parameter_jacobian(np.zeros(self.arm.links.shape), scale)
-        wide = block_diag(*(each @ each.T for each in by_numbers))[np.ix_(rest, rest)]
-        torques = rows @ change[links]
-        precision = np.linalg.inv(wide) + torques.T @ torques
-        return change @ np.linalg.inv(np.linalg.cholesky(precision)).T
+        wide = block_diag(*by_numbers)[rest]
+        torques = rows @ change[links] @ wide
+        # a root of (I + torques^T torques)^-1, of links that hardly exist too
+        root = np.linalg.inv(np.linalg.qr(np.vstack([torques, np.eye(links.size)]), mode='r'))
+        return np.asarray(change @ wide @ root)
 
     def possible_body(self, link: Array, body: Array, information: Array) -> Array:
         """
