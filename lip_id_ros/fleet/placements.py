@@ -138,7 +138,13 @@ class PlacedArm(Packable):
     def with_residual_gp(self, processes: Sequence[ResidualProcess | None]) -> PlacedArm:
         """Return the arm with Gaussian processes."""
         fields = tuple(
-            (each.replaces, tuple(each.lengths.tolist()), each.noise, each.left_out_std)
+            (
+                each.replaces,
+                tuple(each.lengths.tolist()),
+                each.noise,
+                each.weight,
+                each.left_out_std,
+            )
             if each
             else ()
             for each in processes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 import pickle
 from types import SimpleNamespace
 from typing import Any
@@ -17,9 +17,11 @@ from lip_id_ros.arrays import Array
 from lip_id_ros.dataset import Dataset
 from lip_id_ros.errors import DataError
 from lip_id_ros.fleet import model as fleet_model
+from lip_id_ros.fleet.placements import PlacedArm
 from lip_id_ros.fleet.results import Survey
 from lip_id_ros.fleet.survey import gather_kept, survey_of
 from lip_id_ros.identification.linearisation import Linearisation
+from lip_id_ros.identification.residual_gp_selection import ResidualProcess
 from lip_id_ros.identification.sample_selection import measured
 from lip_id_ros.identification.total import gather, RecordingFactors, unpacked
 from lip_id_ros.rigid_body.chain import NO_COUPLINGS
@@ -155,3 +157,16 @@ def test_processes_are_selected_by_the_recordings_that_placements_are(
     nothing: Any = None
     fleet_model.with_processes(placed, nothing, some)
     assert seen == [2]
+
+
+def test_a_process_keeps_its_weight_in_a_placed_arm() -> None:
+    """A process of half a weight was read again with its error as the weight."""
+    values: dict[str, Any] = dict.fromkeys((each.name for each in fields(PlacedArm)), ())
+    process = ResidualProcess(False, np.array([1.0, 2.0]), 0.1, weight=0.4, left_out_std=0.7)
+    stored = PlacedArm(**values).with_residual_gp([process, None])
+    found, nothing = stored.residual_gp
+    assert nothing is None
+    assert found is not None
+    np.testing.assert_array_equal(found.lengths, process.lengths)
+    assert (found.replaces, found.noise) == (False, 0.1)
+    assert (found.weight, found.left_out_std) == (0.4, 0.7)
