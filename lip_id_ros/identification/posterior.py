@@ -193,7 +193,9 @@ def table_deviations(total: Total, solution: Solution, known: Known) -> DenavitH
         known = replace(known, geometry=Geometry.free(total.around.n_joints))
     noise, deviations = solution.left_out.unbiased_std, solution.deviations
     problem = system_of(total, known, noise, deviations, solution.inflation)
-    state = problem.start()
+    state = replace(
+        problem.start(), friction=solution.friction.coefficients, numbers=solution.numbers
+    )
     parts = parts_about(total, problem, state, noise, deviations)
     prior = coordinates_of(total, known).prior_rows(state)
     shown = jackknife_root(parts, prior, noise)
