@@ -41,13 +41,14 @@ from lip_id_ros.friction.noise import (
 )
 from lip_id_ros.friction.terms import (
     coulomb,
+    dahl,
     lag,
     load_coulomb,
     load_torque,
     offset,
+    presliding,
     saturating,
     stribeck,
-    Term,
     viscous,
 )
 from lip_id_ros.identification import fit
@@ -56,7 +57,8 @@ from lip_id_ros.identification.arm_fit import ArmFitter
 from lip_id_ros.identification.arm_prior import links_torque
 from lip_id_ros.identification.folds import recurrent_folds
 from lip_id_ros.identification.friction_candidates import (
-    memory_terms,
+    candidates,
+    CURVE_STEPS,
     presliding_candidates,
     rise_time,
 )
@@ -407,8 +409,14 @@ class Grams:
 
 
 PLAIN = viscous, coulomb, offset, lag
-STEPS, OUTSIDE = 8, 0.002
-"""Steps of curves, and the share of the samples beyond them at either end."""
+SHRUNK = (
+    *(viscous, coulomb, stribeck, saturating, load_coulomb, presliding, dahl),
+    *(position_curve, velocity_curve, load_torque),
+)
+"""Of drives of one joint, and of motors that turn with two (viscous and Coulomb friction)."""
+
+STEPS = CURVE_STEPS[0]
+"""Of curves: the finer ones are not shrunk too."""
 
 
 def is_plain(part: DriveTerm) -> bool:
@@ -433,31 +441,12 @@ def presliding_terms(widths: Array, dataset: Dataset) -> list[DriveTerm]:
 
 def offered_terms(widths: Array, dataset: Dataset) -> list[DriveTerm]:
     """Return the terms that are shrunk, for widths of smooth signs (n,) [rad/s or m/s]."""
-    smoothing = rise_time(dataset) * np.sqrt(np.mean(dataset.ddq**2, axis=0))
-    out = presliding_terms(widths, dataset)
-    for j, width in enumerate(float(each) for each in widths):
-        own = Drive.of_joint(j)
-        named = stribeck(width, float(smoothing[j])), saturating(width), load_coulomb(width)
-        out += [DriveTerm(own, term) for term in (*named, *_curves(dataset, j))]
-        out += memory_terms(j, width)
-        for to in (j - 1, j + 1):
-            if 0 <= to < len(widths):
-                out.append(DriveTerm(Drive.transmitted(j, to), load_torque()))
-        for ratio in (1.0, -1.0):
-            if j:
-                drive = Drive((j, j - 1), (1.0, ratio))
-                both = float(np.hypot(widths[j], widths[j - 1]))
-                out += [DriveTerm(drive, viscous()), DriveTerm(drive, coulomb(both))]
-    return out
-
-
-def _curves(dataset: Dataset, joint: int) -> list[Term]:
-    out = []
-    for kind, values in ((position_curve, dataset.q), (velocity_curve, dataset.dq)):
-        low, high = np.quantile(values[:, joint], (OUTSIDE, 1.0 - OUTSIDE)).tolist()
-        if high > low:
-            out.append(kind(low, high, STEPS))
-    return out
+    every = dict.fromkeys(term for each in candidates(widths, dataset) for term in each.terms)
+    return [
+        part
+        for part in every
+        if part.term.kind in SHRUNK and part.term.parameters.get('count', STEPS) == STEPS
+    ]
 
 
 def _torque(chain: Chain, links: Array, friction: FrictionModel, dataset: Dataset) -> Array:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -122,15 +123,15 @@ class _Look:
     given: Array
     bounds: Array
 
-    @property
+    @cached_property
     def begins(self) -> IndexArray:
         return np.flatnonzero(np.diff(self.segment, prepend=-1))
 
-    @property
+    @cached_property
     def ends(self) -> IndexArray:
         return np.flatnonzero(np.diff(self.segment, append=self.segment[-1] + 1))
 
-    @property
+    @cached_property
     def number(self) -> IndexArray:
         number = np.full(len(self.segment), -1, dtype=np.intp)
         number[self.begins], number[self.ends] = np.arange(len(self.ends)), self.segment[self.ends]

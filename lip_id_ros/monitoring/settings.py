@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lip_id_ros.adaptation.follow_settings import (
-    follow_setting,
-)
+from lip_id_ros.adaptation.follow_settings import follow_setting
 from lip_id_ros.monitoring.detection import LEAST_AT_REST, TORQUE_ERROR
 from lip_id_ros.monitoring.external_torque import BANDWIDTH
 from lip_id_ros.settings import executor_setting, setting, Settings

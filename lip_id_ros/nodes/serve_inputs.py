@@ -43,7 +43,7 @@ class Arrival(NamedTuple):
     sent_ns: int
 
 
-LATE_S = 0.1
+LONGEST_WAIT_S = 0.1
 """Where a reference waits for longer, the newest that has arrived is answered in its place."""
 
 
@@ -194,7 +194,7 @@ class Inputs:
         """Answer a reference; where it lags, all plans that wait and the newest sample."""
         arrived = [(raw, self._arrival(info))]
         overtaken: list[int] = []
-        if arrived[0][1].age > LATE_S:
+        if arrived[0][1].age > LONGEST_WAIT_S:
             waiting = self._node.arrived(self._trajectories)
             arrived += [(each, self._arrival(its_info)) for each, its_info in waiting]
             overtaken = [n for n, (each, _) in enumerate(arrived) if messages.is_sample(each)][:-1]

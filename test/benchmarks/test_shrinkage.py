@@ -22,11 +22,7 @@ def grams() -> Grams:
     chain = Chain(np.array([np.eye(3), turned]), np.zeros((2, 3)), dataset.prismatic, gravity)
     widths = np.full(2, 0.05)
     terms = [*plain_terms(widths), *offered_terms(widths, dataset)]
-    return Grams(Samples.of(dataset, chain), terms, link_prior_std(dataset), toy_load())
-
-
-def toy_load() -> np.ndarray:
-    return np.ones((600, 2))
+    return Grams(Samples.of(dataset, chain), terms, link_prior_std(dataset), np.ones((600, 2)))
 
 
 def test_slopes_of_left_out_squares_by_differences(grams: Grams) -> None:
